@@ -1,0 +1,136 @@
+"""What an identification returns: one `Fit` per order, and the `OrderGrid` of all of them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from statistics import NormalDist
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vdmsi_jax.config import PlantSpec
+from vdmsi_jax.data.record import Record
+from vdmsi_jax.models.transfer_function import TransferFunction
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """One identified model of one order, with everything needed to judge it.
+
+    `FIT` is eq. (3) and `MSE` eq. (4) of Yan, Hsu & Wen (ION 2023), of the free-run simulation, in
+    percent and in squared units of the output. Samples outside the fitted part are NaN in
+    `residual` and `predicted`.
+
+    **Attributes:**
+
+    - `order`: "P2Z1" means two poles and one zero.
+    - `model`: the transfer function with its delay and offset, or None where `status` says why not.
+    - `fit`, `mse`, `aic`, `bic`: on the training samples. `held_out_fit`, `held_out_mse`: on the
+      held-out samples, from an initial state fitted there and nothing else.
+    - `parameters`, `covariance` `(p, p)`: estimates and their covariance, in the order of
+      `parameter_names` (`b1`, `b0`, `a1`, `a0`, `delay`, `offset`); coefficients of descending
+      powers of s, the leading denominator coefficient being 1. Computed from the sandwich formula
+      with the autocorrelation of the residual, so that they hold for coloured noise too.
+    - `jacobian` `(n, p)`: sensitivity of the predicted output to the parameters, initial states
+      projected out.
+    - `warnings`: what the data cannot support (near-cancelling pole-zero pairs, and so on).
+    """
+
+    order: str
+    plant: PlantSpec
+    status: str
+    model: TransferFunction | None = None
+    fit: float = float("nan")
+    mse: float = float("nan")
+    held_out_fit: float = float("nan")
+    held_out_mse: float = float("nan")
+    aic: float = float("nan")
+    bic: float = float("nan")
+    parameter_names: tuple[str, ...] = ()
+    parameters: Floats = field(default_factory=lambda: np.zeros(0))
+    covariance: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    predicted: Floats = field(default_factory=lambda: np.zeros(0))
+    residual: Floats = field(default_factory=lambda: np.zeros(0))
+    jacobian: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def ok(self) -> bool:
+        """Whether there is a model."""
+        return self.model is not None
+
+    @property
+    def n_poles(self) -> int:
+        return int(self.order[1])
+
+    @property
+    def n_zeros(self) -> int:
+        return int(self.order[3])
+
+    @property
+    def poles(self) -> NDArray[np.complex128]:
+        """Poles in rad/s, shape `(n_poles,)`; empty without a model."""
+        return np.zeros(0, complex) if self.model is None else np.asarray(self.model.poles())
+
+    @property
+    def zeros(self) -> NDArray[np.complex128]:
+        """Zeros in rad/s, shape `(n_zeros,)`; empty without a model."""
+        return np.zeros(0, complex) if self.model is None else np.asarray(self.model.zeros())
+
+    @property
+    def std(self) -> dict[str, float]:
+        """Standard deviation of each parameter, by name."""
+        deviation = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        return dict(zip(self.parameter_names, deviation.tolist(), strict=True))
+
+    def value(self, name: str) -> float:
+        """The estimate of the parameter `name`."""
+        return float(self.parameters[self.parameter_names.index(name)])
+
+    def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
+        """Two-sided confidence interval of the parameter `name` (asymptotic normal)."""
+        half = NormalDist().inv_cdf(0.5 + level / 2) * self.std[name]
+        return self.value(name) - half, self.value(name) + half
+
+
+@dataclass(frozen=True)
+class OrderGrid:
+    """All orders fitted to one plant: `grid["P2Z1"]`, `grid.best`, `grid.table()`.
+
+    `chosen` is the paper's rule: the smallest order (poles + zeros, then poles) whose FIT is within
+    `fit_loss` points of the best. `chosen_by_bic` has the least BIC. They may differ; both are told.
+    """
+
+    plant: PlantSpec
+    record: Record
+    held_out: Record | None
+    fits: Mapping[str, Fit]
+    chosen: str
+    chosen_by_bic: str
+    fit_loss: float
+
+    def __getitem__(self, order: str) -> Fit:
+        if order not in self.fits:
+            raise KeyError(f"{order!r} is not in the grid; it has {', '.join(self.fits)}")
+        return self.fits[order]
+
+    @property
+    def best(self) -> Fit:
+        """The fit of the chosen order (the paper's rule)."""
+        return self.fits[self.chosen]
+
+    def table(self) -> list[dict[str, object]]:
+        """One row per order, improper ones included with their reason."""
+        return [
+            {
+                "order": f.order,
+                "fit": f.fit,
+                "mse": f.mse,
+                "held_out_fit": f.held_out_fit,
+                "aic": f.aic,
+                "bic": f.bic,
+                "status": f.status,
+            }
+            for f in self.fits.values()
+        ]
