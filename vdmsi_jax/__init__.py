@@ -1,0 +1,1 @@
+"""System identification of vehicle actuators and the simulation that uses it."""

@@ -1,0 +1,420 @@
+"""The configuration: what a TOML file may say about a vehicle, its logs, and what to do with them.
+
+Every table is a frozen dataclass here, and `vdmsi_jax.decode` fills it strictly. The tables, in the
+order of the way that a log takes: `[columns]`, `[units]`, `[sign]` (names and units to SI),
+`[select]` (which rows), `[prepare]` (sampling, gaps, repairs), `[derive]` (channels that follow
+from others), `[vehicle]` (geometry), `[[plants]]` (which channel answers to which), `[identify]`
+and `[sweep]`.
+"""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import ClassVar, Literal
+
+from .decode import decode, load_toml
+from .errors import InputError, nearest
+from .units import unit
+
+CANONICAL = {
+    "t": "time",
+    "v_cmd": "speed",
+    "delta_cmd": "angle",
+    "v": "speed",
+    "delta": "angle",
+    "r": "angular rate",
+    "x": "length",
+    "y": "length",
+    "psi": "angle",
+    "a": "acceleration",
+}
+"""The canonical columns of a log and the quantity that each measures (the log format in the
+README)."""
+
+STEERING_CHANNELS = ("delta_cmd", "delta")
+"""Road-wheel angles. They may be logged as the curvature of the path, which the wheelbase turns
+into an angle."""
+
+
+@dataclass(frozen=True)
+class VehicleGeometry:
+    """Where the axles are, and which point of the vehicle the log means by its speed and pose.
+
+    Attributes:
+        l_f: distance from the centre of gravity to the front axle, m.
+        l_r: distance from the centre of gravity to the rear axle, m.
+        reference_point: the point whose speed and pose are logged. Logs of real vehicles often mean
+            the rear axle, and reading those as the centre of gravity makes side slip where there is
+            none.
+        lever_arm: with `reference_point = "sensor"`, how far the sensor sits ahead of the centre of
+            gravity, m (negative behind it).
+    """
+
+    l_f: float
+    l_r: float
+    reference_point: Literal["cog", "rear_axle", "sensor"] = "cog"
+    lever_arm: float | None = None
+
+    def __post_init__(self):
+        for name in ("l_f", "l_r"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise InputError(
+                    "VehicleGeometry", name, f"{value} is no distance", "give metres, zero or more"
+                )
+        if not self.wheelbase > 0.0:
+            raise InputError(
+                "VehicleGeometry",
+                "l_f",
+                "the wheelbase l_f + l_r is zero",
+                "give the axle distances in m",
+            )
+        if (self.reference_point == "sensor") != (self.lever_arm is not None):
+            raise InputError(
+                "VehicleGeometry",
+                "lever_arm",
+                f"does not go with reference_point = {self.reference_point!r}",
+                'give lever_arm (m ahead of the c.g.) with "sensor", and only then',
+            )
+
+    @property
+    def wheelbase(self) -> float:
+        """Distance between the axles l_f + l_r, m."""
+        return self.l_f + self.l_r
+
+    @property
+    def rear_to_reference(self) -> float:
+        """How far the reference point lies ahead of the rear axle, m (zero for the rear axle
+        itself)."""
+        return {"rear_axle": 0.0, "cog": self.l_r}.get(
+            self.reference_point, self.l_r + (self.lever_arm or 0.0)
+        )
+
+
+@dataclass(frozen=True)
+class PlantSpec:
+    """A single-input single-output plant to identify.
+
+    Attributes:
+        name: what it is called in results (`powertrain`, `steering`, ...).
+        input: the channel that drives it.
+        output: the channel that answers.
+    """
+
+    name: str
+    input: str
+    output: str
+
+
+DEFAULT_PLANTS = (
+    PlantSpec("powertrain", "v_cmd", "v"),
+    PlantSpec("steering", "delta_cmd", "delta"),
+)
+"""The paper's two actuators: what is identified when a configuration names no plants."""
+
+
+@dataclass(frozen=True)
+class Select:
+    """Which rows of the log count.
+
+    Attributes:
+        where: an expression over the columns of the file as they are written there (their names,
+            their units), such as `phase == "calib" and cmd > 0.5`. Rows for which it is false
+            become gaps.
+    """
+
+    where: str | None = None
+
+
+@dataclass(frozen=True)
+class Prepare:
+    """How a log becomes evenly sampled segments without holes. Every repair is told in
+    `Record.repairs`.
+
+    Attributes:
+        dt: sample period, s; the log's own if not given. A longer one decimates, with an anti-alias
+            filter for measurements.
+        jitter: how far a time stamp may lie off the even grid, as a share of dt, before the log
+            counts as irregular and is resampled. Rounding of printed time stamps is told apart from
+            jitter and is never resampled.
+        gap: a hole between rows longer than this, s, ends a segment; 5 sample periods if not given.
+        duplicates: rows with the time stamp of the row before: `refuse` the log, or `drop` them.
+        missing: empty, NaN or infinite cells in a used column: `refuse` the log, cut the rows out
+            (`gap`), or fill holes not longer than `gap` by the last value (`hold`) or by the rule
+            of the channel (`interpolate`: commands hold, measurements are interpolated); longer
+            holes become gaps.
+        hold: channels held between rows like commands, beside those whose name ends in `_cmd`.
+        unwrap: angles that are logged wrapped.
+        warm_up: s cut from the start of every run.
+        min_segment: pieces between gaps with fewer samples are left out.
+    """
+
+    dt: float | None = None
+    jitter: float = 0.05
+    gap: float | None = None
+    duplicates: Literal["refuse", "drop"] = "refuse"
+    missing: Literal["refuse", "gap", "hold", "interpolate"] = "refuse"
+    hold: tuple[str, ...] = ()
+    unwrap: tuple[str, ...] = ("psi",)
+    warm_up: float = 0.0
+    min_segment: int = 10
+
+    def __post_init__(self):
+        for name in ("dt", "gap"):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value > 0.0):
+                raise InputError(
+                    "[prepare]", name, f"{value} is no duration", "give seconds, more than zero"
+                )
+        if not 0.0 < self.jitter < 0.5:
+            raise InputError(
+                "[prepare]",
+                "jitter",
+                f"{self.jitter} is out of range",
+                "give a share between 0 and 0.5",
+            )
+        if not (math.isfinite(self.warm_up) and self.warm_up >= 0.0):
+            raise InputError(
+                "[prepare]",
+                "warm_up",
+                f"{self.warm_up} is no duration",
+                "give seconds, zero or more",
+            )
+        if self.min_segment < 2:
+            raise InputError(
+                "[prepare]",
+                "min_segment",
+                f"{self.min_segment} is too few",
+                "give 2 samples or more",
+            )
+
+
+RULES = (
+    "steering_from_yaw_rate",
+    "yaw_rate_from_steering",
+    "yaw_rate_from_heading",
+    "speed_from_pose",
+    "acceleration_from_speed",
+)
+"""The named rules of `[derive]`; `vdmsi_jax.data.derive` holds their formulas."""
+
+
+@dataclass(frozen=True)
+class Derivation:
+    """One channel that follows from others: by a named rule, or by an expression with its unit.
+
+    Attributes:
+        rule: one of `RULES`. A bare text in the file means this.
+        expression: arithmetic over channels in SI, such as `kappa_cmd * v`; needs `unit`.
+        unit: the unit of the expression's value.
+        speed, steering, yaw_rate: the channels that a rule takes as such.
+        min_speed: m/s, below which a steering angle cannot be told from the yaw rate and is filled
+            in.
+        window: s, length of the local parabola that differentiates a measurement; 5 samples if not
+            given.
+    """
+
+    shorthand: ClassVar[str] = "rule"
+
+    rule: str | None = None
+    expression: str | None = None
+    unit: str | None = None
+    speed: str = "v"
+    steering: str = "delta_cmd"
+    yaw_rate: str = "r"
+    min_speed: float = 0.3
+    window: float | None = None
+
+    def __post_init__(self):
+        if (self.rule is None) == (self.expression is None):
+            raise InputError(
+                "[derive]",
+                "",
+                "needs either a rule or an expression",
+                f"rules are {', '.join(RULES)}",
+            )
+        if self.rule is not None and self.rule not in RULES:
+            raise InputError(
+                "[derive]", "rule", f"unknown rule {self.rule!r}", nearest(self.rule, RULES)
+            )
+        if self.expression is not None and self.unit is None:
+            raise InputError(
+                "[derive]",
+                "unit",
+                "missing",
+                'give the unit of the expression, such as unit = "rad/s"',
+            )
+        if not self.min_speed > 0.0:
+            raise InputError(
+                "[derive]", "min_speed", f"{self.min_speed} is no limit", "give m/s, more than zero"
+            )
+
+
+@dataclass(frozen=True)
+class IdentifyOptions:
+    """How plants are identified.
+
+    Attributes:
+        poles: numbers of poles of the order grid.
+        zeros: numbers of zeros of the order grid.
+        delay: whether a transport delay is a parameter; a number is its upper bound in s.
+        offset: whether a constant offset of the output is a parameter.
+        initial_state: whether the state at the start of each segment is estimated.
+        held_out: share of the record that no fit sees.
+        split: what is held out: `blocks` of each segment, or whole runs (`run`).
+        fit_loss: points of FIT that the paper's rule gives up for a smaller order.
+    """
+
+    poles: tuple[int, ...] = (1, 2, 3, 4, 5)
+    zeros: tuple[int, ...] = (0, 1, 2, 3, 4, 5)
+    delay: bool | float = True
+    offset: bool = True
+    initial_state: bool = True
+    held_out: float = 0.25
+    split: Literal["blocks", "run"] = "blocks"
+    fit_loss: float = 0.5
+
+    def __post_init__(self):
+        for name, allowed in (("poles", range(1, 6)), ("zeros", range(6))):
+            given = getattr(self, name)
+            if not given or not set(given) <= set(allowed):
+                raise InputError(
+                    "[identify]",
+                    name,
+                    f"{list(given)} is out of range",
+                    f"choose from {list(allowed)}",
+                )
+        if not 0.0 <= self.held_out < 1.0:
+            raise InputError(
+                "[identify]",
+                "held_out",
+                f"{self.held_out} is no share",
+                "give a number from 0 to below 1",
+            )
+        if not isinstance(self.delay, bool) and not self.delay > 0.0:
+            raise InputError(
+                "[identify]", "delay", f"{self.delay} is no bound", "give true, false, or seconds"
+            )
+        if not self.fit_loss >= 0.0:
+            raise InputError(
+                "[identify]", "fit_loss", f"{self.fit_loss} is negative", "give points of FIT"
+            )
+
+
+@dataclass(frozen=True)
+class SweepRun:
+    """One log of a sweep, with its own configuration and, if wanted, only some of its plants.
+
+    Attributes:
+        log: path of the log, from the sweep file's folder or from the folder of the data sets.
+        config: path of its configuration, from the sweep file's folder.
+        plants: names of the plants to identify; all, if empty.
+    """
+
+    log: str
+    config: str | None = None
+    plants: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class SweepOptions:
+    """A grid of orders × logs; `[identify]` of the sweep file says which orders.
+
+    Attributes:
+        runs: the logs.
+    """
+
+    runs: tuple[SweepRun, ...]
+
+
+@dataclass(frozen=True)
+class Config:
+    """A whole configuration file, decoded. `Config()` is what an absent one means.
+
+    Attributes:
+        vehicle: geometry, or None for a plant that is no vehicle.
+        columns: name of the file's column for each channel (`run` names the column that tells runs
+            apart). A canonical channel that is not named here is the column of its own name.
+        units: unit of each channel as it is written in the file; SI if not given.
+        sign: 1 or -1 for each channel.
+        derive: channels that follow from others, in order.
+        select: which rows count.
+        prepare: sampling, gaps and repairs.
+        plants: what to identify; the paper's two actuators if empty.
+        identify: options of the identification.
+        sweep: logs of a sweep.
+        path: the file that this was read from.
+    """
+
+    vehicle: VehicleGeometry | None = None
+    columns: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    sign: Mapping[str, float] = field(default_factory=dict)
+    derive: Mapping[str, Derivation] = field(default_factory=dict)
+    select: Select = field(default_factory=Select)
+    prepare: Prepare = field(default_factory=Prepare)
+    plants: tuple[PlantSpec, ...] = ()
+    identify: IdentifyOptions = field(default_factory=IdentifyOptions)
+    sweep: SweepOptions | None = None
+    path: Path | None = field(default=None, metadata={"toml": False})
+
+    def __post_init__(self):
+        known = {*CANONICAL, *self.columns}
+        for table in ("units", "sign"):
+            for channel in getattr(self, table):
+                if channel not in known:
+                    raise InputError(
+                        "Config", f"[{table}] {channel}", "no such channel", nearest(channel, known)
+                    )
+        for channel, name in self.units.items():
+            unit(
+                name,
+                source="Config",
+                place=f"[units] {channel}",
+                quantities=allowed_quantities(channel),
+            )
+        for channel, factor in self.sign.items():
+            if factor not in (1.0, -1.0):
+                raise InputError(
+                    "Config", f"[sign] {channel}", f"{factor} is no sign", "give 1 or -1"
+                )
+        if len({plant.name for plant in self.plants}) < len(self.plants):
+            raise InputError(
+                "Config",
+                "[[plants]] name",
+                "two plants have one name",
+                "name each plant differently",
+            )
+
+    @property
+    def source(self) -> str:
+        """The file's path for messages, or `configuration` where there is none."""
+        return str(self.path) if self.path else "configuration"
+
+
+def allowed_quantities(channel: str) -> tuple[str, ...]:
+    """What a channel may measure: fixed for canonical ones (a steering angle may be a curvature),
+    open for others."""
+    if channel not in CANONICAL:
+        return ()
+    return (
+        (CANONICAL[channel], "curvature") if channel in STEERING_CHANNELS else (CANONICAL[channel],)
+    )
+
+
+def load_config(path: str | Path | None) -> Config:
+    """Read a configuration file.
+
+    Args:
+        path: a TOML file, or None for the defaults (a log with the canonical header, no vehicle).
+
+    Raises:
+        InputError: the file cannot be read, or a table or key in it is unknown, missing, or has a
+            wrong value.
+    """
+    if path is None:
+        return Config()
+    path = Path(path)
+    return dataclasses.replace(decode(Config, load_toml(path), source=str(path)), path=path)

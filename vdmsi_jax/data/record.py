@@ -1,0 +1,414 @@
+"""`Record`, the one noun for data: what a log became once it was read, in SI, evenly sampled, and
+without holes."""
+
+import types
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ..config import CANONICAL, DEFAULT_PLANTS, PlantSpec, VehicleGeometry
+from ..errors import InputError, nearest
+from ..units import si_symbol
+from .noise import white_noise_std
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A stretch of a record that is evenly sampled and without a gap.
+
+    Attributes:
+        start: index of its first sample.
+        stop: index after its last sample.
+        run: the run that it belongs to; runs start anew, segments of one run are parted by gaps
+            only.
+    """
+
+    start: int
+    stop: int
+    run: str = ""
+
+    def __len__(self) -> int:
+        return self.stop - self.start
+
+    @property
+    def samples(self) -> slice:
+        """Its place in the arrays of the record."""
+        return slice(self.start, self.stop)
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """Named channels on one time base, in SI, finite everywhere, in evenly sampled segments.
+
+    A record does not change: its arrays are read-only, and what cuts or joins records returns a new
+    one. `read_log` makes one of a file, `Record.from_arrays` one of arrays.
+
+    Attributes:
+        name: what it is called in reports, usually the file's name.
+        dt: sample period inside the segments, s.
+        t: (N,) time, s, strictly increasing; jumps only between segments. Runs that restarted their
+            clocks lie one after another.
+        channels: name -> (N,) float64.
+        units: name -> SI unit, `1` for pure numbers.
+        segments: cover the samples 0 to N in order.
+        repairs: what was done to the log on the way, a sentence each.
+        vehicle: geometry, if it is a vehicle's log.
+        plants: which channel answers to which.
+        filled: name -> (N,) mask of the samples that were filled in and not measured; a channel
+            without one has none.
+    """
+
+    name: str
+    dt: float
+    t: Float[np.ndarray, " N"]
+    channels: Mapping[str, Float[np.ndarray, " N"]]
+    units: Mapping[str, str]
+    segments: tuple[Segment, ...]
+    repairs: tuple[str, ...] = ()
+    vehicle: VehicleGeometry | None = None
+    plants: tuple[PlantSpec, ...] = ()
+    filled: Mapping[str, Bool[np.ndarray, " N"]] = field(default_factory=dict)
+
+    def __post_init__(self):
+        object.__setattr__(self, "t", _frozen(self.t, np.float64))
+        for name, dtype in (("channels", np.float64), ("filled", np.bool_)):
+            arrays = {key: _frozen(values, dtype) for key, values in getattr(self, name).items()}
+            object.__setattr__(self, name, types.MappingProxyType(arrays))
+        object.__setattr__(self, "units", types.MappingProxyType(dict(self.units)))
+        edges = [0, *(segment.stop for segment in self.segments)]
+        assert edges[-1] == self.n and [segment.start for segment in self.segments] == edges[:-1]
+        assert all(
+            values.shape == (self.n,) for values in (*self.channels.values(), *self.filled.values())
+        )
+
+    def __reduce__(self):
+        plain = (
+            dict(self.channels),
+            dict(self.units),
+            self.segments,
+            self.repairs,
+            self.vehicle,
+            self.plants,
+        )
+        return type(self), (self.name, self.dt, self.t, *plain, dict(self.filled))
+
+    @classmethod
+    def from_arrays(
+        cls,
+        *,
+        dt: float,
+        name: str = "record",
+        t0: float = 0.0,
+        vehicle: VehicleGeometry | None = None,
+        plants: Sequence[PlantSpec] = (),
+        units: Mapping[str, str] | None = None,
+        **channels,
+    ) -> "Record":
+        """Make a record of arrays that are evenly sampled and in SI already.
+
+        Args:
+            dt: sample period, s.
+            name: what to call it.
+            t0: time of the first sample, s.
+            vehicle: geometry, if it is a vehicle's log.
+            plants: which channel answers to which; the paper's two actuators as far as their
+                channels are there, if empty.
+            units: SI units of channels that are not canonical, for labels only.
+            **channels: name -> (N,) samples.
+
+        Raises:
+            InputError: no channel or sample, a channel that is not one-dimensional or not finite,
+                or lengths that differ.
+        """
+        if not (np.isfinite(dt) and dt > 0.0):
+            raise InputError(
+                name, "dt", f"{dt} is no sample period", "give seconds, more than zero"
+            )
+        arrays = {key: np.asarray(values, dtype=np.float64) for key, values in channels.items()}
+        if not arrays:
+            raise InputError(
+                name, "channels", "there are none", "give arrays by name, such as v_cmd=..., v=..."
+            )
+        n = next(iter(arrays.values())).size
+        for key, values in arrays.items():
+            if values.ndim != 1:
+                raise InputError(
+                    name, key, f"has the shape {values.shape}", "give a one-dimensional array"
+                )
+            if values.size != n:
+                first = next(iter(arrays))
+                raise InputError(
+                    name, key, f"has {values.size} samples, {first} has {n}", "give equal lengths"
+                )
+            if not np.isfinite(values).all():
+                bad = int(np.flatnonzero(~np.isfinite(values))[0])
+                raise InputError(
+                    name,
+                    f"{key}, sample {bad}",
+                    f"{values[bad]} is not finite",
+                    "repair it, or cut it out",
+                )
+        if n < 2:
+            raise InputError(name, "channels", f"there are {n} samples", "give at least two")
+        si = {
+            key: si_symbol(CANONICAL[key]) if key in CANONICAL else (units or {}).get(key, "1")
+            for key in arrays
+        }
+        fitting = tuple(plants) or tuple(
+            p for p in DEFAULT_PLANTS if p.input in arrays and p.output in arrays
+        )
+        time = t0 + dt * np.arange(n)
+        return cls(name, float(dt), time, arrays, si, (Segment(0, n, name),), (), vehicle, fitting)
+
+    def __getitem__(self, channel: str) -> Float[np.ndarray, " N"]:
+        """The samples of a channel (`t` included). Raises InputError with the nearest name if there
+        is none."""
+        if channel == "t":
+            return self.t
+        try:
+            return self.channels[channel]
+        except KeyError:
+            mend = nearest(channel, self.channels)
+            raise InputError(
+                self.name, f"channel {channel}", "there is no such channel", mend
+            ) from None
+
+    def __contains__(self, channel: object) -> bool:
+        return channel == "t" or channel in self.channels
+
+    @property
+    def n(self) -> int:
+        """Number of samples, over all segments."""
+        return self.t.size
+
+    @property
+    def duration(self) -> float:
+        """Time that the samples cover, gaps left out, s."""
+        return self.n * self.dt
+
+    @property
+    def runs(self) -> tuple[str, ...]:
+        """The runs in order."""
+        return tuple(dict.fromkeys(segment.run for segment in self.segments))
+
+    def plant(self, name: str) -> PlantSpec:
+        """The plant of that name. Raises InputError with the nearest name if there is none."""
+        for plant in self.plants:
+            if plant.name == name:
+                return plant
+        mend = (
+            nearest(name, [plant.name for plant in self.plants])
+            + "; [[plants]] of the configuration adds one"
+        )
+        raise InputError(self.name, f"plant {name}", "there is no such plant", mend)
+
+    def measured(self, channel: str) -> Bool[np.ndarray, " N"]:
+        """Mask of the samples that carry a measurement and were not filled in; fits should use only
+        these."""
+        values = self[channel]
+        return (
+            ~self.filled[channel] if channel in self.filled else np.ones(values.shape, dtype=bool)
+        )
+
+    def pieces(self, channel: str) -> list[Float[np.ndarray, " _"]]:
+        """The channel's samples segment by segment."""
+        values = self[channel]
+        return [values[segment.samples] for segment in self.segments]
+
+    def noise_std(self, channel: str) -> float:
+        """Standard deviation of the white noise on a channel, blind to its smooth motion (see
+        `white_noise_std`)."""
+        return white_noise_std(self.pieces(channel))
+
+    def select(self, segments: Iterable[Segment]) -> "Record":
+        """A record of some stretches of this one, in the order given.
+
+        Args:
+            segments: stretches, each inside one segment of this record; none may be empty.
+
+        Raises:
+            InputError: no stretch is given.
+        """
+        chosen = [segment for segment in segments if len(segment) > 0]
+        if not chosen:
+            raise InputError(
+                self.name, "", "nothing is left of the record", "choose a longer stretch"
+            )
+        index = np.concatenate([np.arange(segment.start, segment.stop) for segment in chosen])
+        edges = np.cumsum([0, *map(len, chosen)])
+        return replace(
+            self,
+            t=self.t[index],
+            channels={name: values[index] for name, values in self.channels.items()},
+            filled={name: mask[index] for name, mask in self.filled.items()},
+            segments=tuple(
+                Segment(int(start), int(stop), segment.run)
+                for start, stop, segment in zip(edges[:-1], edges[1:], chosen, strict=True)
+            ),
+        )
+
+    def between(self, t0: float, t1: float) -> "Record":
+        """The part with t0 <= t < t1, s. Raises InputError if no sample lies there."""
+        first, last = np.searchsorted(self.t, [t0, t1])
+        return self.select(
+            replace(
+                segment, start=max(segment.start, int(first)), stop=min(segment.stop, int(last))
+            )
+            for segment in self.segments
+        )
+
+    def without_warm_up(self, seconds: float) -> "Record":
+        """The record without the first `seconds` of every segment, where filters and unknown states
+        settle."""
+        skip = int(np.ceil(seconds / self.dt - 1e-9))
+        return self.select(
+            replace(segment, start=segment.start + skip) for segment in self.segments
+        )
+
+    def split(
+        self, held_out: float = 0.25, by: Literal["blocks", "run"] = "blocks", blocks: int = 2
+    ) -> tuple["Record", "Record"]:
+        """Part the record into what fits may see and what is held out to judge them.
+
+        Args:
+            held_out: share of the samples (or of the runs) that is held out, between 0 and 1.
+            by: `blocks` cuts every segment in equal parts and holds out the end of each, so that
+                both halves see the whole of the experiment and samples that are neighbours (whose
+                noise is not independent) stay together; `run` holds out whole runs, spread evenly,
+                the last one among them.
+            blocks: how many parts a segment is cut in; fewer where a held-out block would have less
+                than 50 samples, and a segment in which not one such block fits goes to training
+                whole.
+
+        Returns:
+            The training record and the held-out record.
+
+        Raises:
+            InputError: the share is out of range, there is only one run, or the segments are too
+                short to hold out blocks.
+        """
+        if not 0.0 < held_out < 1.0:
+            raise InputError(
+                self.name, "held_out", f"{held_out} is no share", "give a number between 0 and 1"
+            )
+        seen, hidden = (
+            _split_runs(self, held_out) if by == "run" else _split_blocks(self, held_out, blocks)
+        )
+        return self.select(seen), self.select(hidden)
+
+    @staticmethod
+    def concatenate(records: Sequence["Record"], name: str | None = None) -> "Record":
+        """Join records of one vehicle, sampled alike, into one whose runs they are.
+
+        Only channels that all of them have are kept. Time goes on from one record to the next with
+        a gap of one second. Runs are named `record` or `record/run`.
+
+        Raises:
+            InputError: no record is given, their sample periods differ, or they have no channel in
+                common.
+        """
+        if not records:
+            raise InputError(
+                name or "records", "", "there is no record to join", "give at least one"
+            )
+        first = records[0]
+        common = [
+            channel for channel in first.channels if all(channel in record for record in records)
+        ]
+        if not common:
+            raise InputError(
+                first.name, "channels", "the records share none", "give logs with the same channels"
+            )
+        for record in records:
+            if not np.isclose(record.dt, first.dt, rtol=1e-9):
+                problem = f"sampled every {record.dt:g} s, but {first.name} every {first.dt:g} s"
+                raise InputError(
+                    record.name, "dt", problem, "set the same [prepare] dt for all logs"
+                )
+        segments, times, offset, end = [], [], 0, None
+        for record in records:
+            for segment in record.segments:
+                run = (
+                    record.name
+                    if segment.run in ("", record.name)
+                    else f"{record.name}/{segment.run}"
+                )
+                segments.append(Segment(segment.start + offset, segment.stop + offset, run))
+            shift = 0.0 if end is None else end + 1.0 + first.dt - record.t[0]
+            times.append(record.t + shift)
+            offset, end = offset + record.n, times[-1][-1]
+        incomplete = [
+            channel for channel in common if any(channel in record.filled for record in records)
+        ]
+        return Record(
+            name=name or first.name,
+            dt=first.dt,
+            t=np.concatenate(times),
+            channels={
+                channel: np.concatenate([record[channel] for record in records])
+                for channel in common
+            },
+            units={channel: first.units[channel] for channel in common},
+            segments=tuple(segments),
+            repairs=tuple(
+                f"{record.name}: {told}" for record in records for told in record.repairs
+            ),
+            vehicle=first.vehicle,
+            plants=tuple(p for p in first.plants if p.input in common and p.output in common),
+            filled={
+                name: np.concatenate([~record.measured(name) for record in records])
+                for name in incomplete
+            },
+        )
+
+
+def _frozen(values, dtype) -> np.ndarray:
+    """A read-only array; a copy, unless it is read-only already."""
+    array = np.asarray(values, dtype=dtype)
+    if array.flags.writeable:
+        array = array.copy() if array is values else array
+        array.flags.writeable = False
+    return array
+
+
+_SHORTEST_BLOCK = 50
+
+
+def _split_blocks(
+    record: Record, held_out: float, blocks: int
+) -> tuple[list[Segment], list[Segment]]:
+    seen, hidden = [], []
+    for segment in record.segments:
+        parts = min(blocks, int(len(segment) * held_out) // _SHORTEST_BLOCK)
+        if parts == 0:
+            seen.append(segment)
+            continue
+        edges = np.linspace(segment.start, segment.stop, parts + 1).round().astype(int)
+        for start, stop in zip(edges[:-1], edges[1:], strict=True):
+            cut = int(stop - round(held_out * (stop - start)))
+            seen.append(Segment(int(start), cut, segment.run))
+            hidden.append(Segment(cut, int(stop), segment.run))
+    if not hidden:
+        need = int(np.ceil(_SHORTEST_BLOCK / held_out))
+        raise InputError(
+            record.name,
+            "held_out",
+            f"no segment has the {need} samples to hold out a block",
+            'split by "run", or set 0',
+        )
+    return seen, hidden
+
+
+def _split_runs(record: Record, held_out: float) -> tuple[list[Segment], list[Segment]]:
+    runs = record.runs
+    if len(runs) < 2:
+        raise InputError(
+            record.name, "split", "there is only one run", 'split by "blocks", or give more logs'
+        )
+    count = min(max(round(held_out * len(runs)), 1), len(runs) - 1)
+    chosen = {runs[(k + 1) * len(runs) // count - 1] for k in range(count)}
+    hidden = [segment for segment in record.segments if segment.run in chosen]
+    return [segment for segment in record.segments if segment.run not in chosen], hidden
