@@ -1,0 +1,55 @@
+# Everything runs from a bare Python >= 3.11: the first target that needs it makes .venv here, and a
+# stamp per extra keeps the next one from installing again until pyproject.toml changes.
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: help demo test test-slow lint format notebooks bench clean
+.DEFAULT_GOAL := help
+
+help:  ## list the targets
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
+
+demo: .venv/.core  ## identify the demo logs, then simulate with what was found
+	$(BIN)/vdmsi identify configs/demo/powertrain.csv configs/demo/steering.csv \
+	    --config configs/demo/vehicle.toml --out out/demo/identify
+	$(BIN)/vdmsi simulate out/demo/identify/identify.json configs/demo/drive.csv \
+	    --config configs/demo/vehicle.toml --out out/demo/simulate
+	@echo "Open out/demo/identify/report.html and out/demo/simulate/report.html"
+
+test: .venv/.test  ## the tests, without the slow ones
+	$(BIN)/python -m pytest
+
+test-slow: .venv/.test  ## the slow tests only
+	$(BIN)/python -m pytest -m slow
+
+lint: .venv/.dev  ## ruff and pyright
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/pyright
+
+format: .venv/.dev  ## let ruff mend what it can
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+notebooks: .venv/.test  ## run the notebooks in place
+	$(BIN)/python notebooks/run.py
+
+bench: .venv/.bench  ## time this project against its peers, in one run
+	$(BIN)/python -m pip list | grep -iE '^(jax|scipy|numba|control) '
+	for script in benchmarks/*.py; do $(BIN)/python $$script || exit 1; done
+
+clean:  ## remove the environment and what commands wrote
+	rm -rf .venv out
+
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	    { echo "vdmsi_jax needs Python 3.11 or later: make PYTHON=python3.12 ..." >&2; exit 1; }
+	$(PYTHON) -m venv .venv
+
+.venv/.core: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --editable .
+	@touch $@
+
+.venv/.%: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --editable '.[$*]'
+	@touch $@
