@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from vdmsi_jax.models.state_space import StateSpace, propagate
+from vdmsi_jax.models.state_space import Motion, StateSpace, propagate
 
 REST_RECORDS = 100.0  # a pole slower than so many times the record has no time to come to rest
 
@@ -26,49 +26,66 @@ class PlantResponse(eqx.Module):
     x_end: Float[Array, " n"]
 
 
-class _DelayedHold(eqx.Module):
-    """What a fractional delay adds to a trace: the command jumps once inside every sample."""
-
-    jump: Float[Array, ""]  # s after the row
-    states: Float[Array, "N n"]  # at the jump inside each sample
-    command: Float[Array, " N"]  # held after the jump
-
-
 class LinearTrace(eqx.Module):
-    """The exact motion of a linear plant over a record: its response at any instant, not only at
-    the rows.
+    """The exact motion of a linear plant over a record: its response at any instant.
 
-    Made by `LinearPlant.trace`. It costs one simulation; `at` then costs two matrix products.
+    Made by `LinearPlant.trace`. It costs one simulation; `at` then costs a few matrix products.
+
+    The command jumps at each row, or, where a delay is no multiple of the sample period, `early`
+    seconds before it. The motion is therefore known at the jumps, and read from the last one.
     """
 
     plant: "LinearPlant"
-    states: Float[Array, "N+1 n"]
-    command: Float[Array, " N"]  # acting at each row, that is, delayed
-    delayed: _DelayedHold | None
+    start: Float[Array, " n"]  # state at the first row
+    first: Float[Array, ""]  # command acting at the first row
+    following: Float[Array, " N"]  # command acting after the jump at or before the next row
+    jumps: Motion  # states at these jumps
+    early: Float[Array, ""] | None
+    dt: Float[Array, ""]
 
     def rows(self) -> PlantResponse:
         """The response at the rows."""
-        system, x = self.plant.system, self.states[:-1]
-        y = self.plant.shift(system.output(x, self.command))
-        return PlantResponse(y, system.output_rate(x, self.command), self.states[-1])
+        system = self.plant.system
+        now = None if self.early is None else jnp.zeros_like(self.early)[None]
+        y = self._since_row(system.C, system.D, now)[:, 0]
+        dy = self._since_row(system.C @ system.A, system.C @ system.B, now)[:, 0]
+        x_end = self.jumps.last()
+        if self.early is not None:
+            to_row, push = system.discretise(self.early)
+            x_end = to_row @ x_end + push * self.following[-1]
+        return PlantResponse(self.plant.shift(y), dy, x_end)
 
     def at(self, tau: Float[Array, " J"]) -> Float[Array, "N J"]:
         """Response `tau` seconds after each row, `0 <= tau < dt`, in the output unit.
 
         At the very instant of a delayed jump the command has jumped.
         """
-        if self.delayed is None:
-            return self.plant.shift(self._from(self.states[:-1], self.command, tau))
-        after = tau >= self.delayed.jump
-        before_jump = self._from(self.states[:-1], self.command, jnp.where(after, 0.0, tau))
-        since_jump = jnp.where(after, tau - self.delayed.jump, 0.0)
-        after_jump = self._from(self.delayed.states, self.delayed.command, since_jump)
-        return self.plant.shift(jnp.where(after, after_jump, before_jump))
-
-    def _from(self, x: Array, u: Array, tau: Array) -> Float[Array, "N J"]:
         system = self.plant.system
-        Ad, Bd = jax.vmap(system.discretise)(tau)
-        return x @ (system.C @ Ad).T + jnp.outer(u, Bd @ system.C + system.D)
+        if self.early is None:
+            return self.plant.shift(self._since_row(system.C, system.D, tau))
+        jump = self.dt - self.early
+        jumped = tau >= jump
+        before = self._since_row(system.C, system.D, jnp.where(jumped, 0.0, tau))
+        functions, gains = self._later(system.C, system.D, jnp.where(jumped, tau - jump, 0.0))
+        after = self.jumps.read(functions) + jnp.outer(self.following, gains)
+        return self.plant.shift(jnp.where(jumped, after, before))
+
+    def _since_row(self, c: Array, d: Array, tau: Array | None) -> Float[Array, "N J"]:
+        """`c x + d u` at `tau` after each row while that row's command acts; `None`: at the row."""
+        functions, gains = self._later(c, d, tau)
+        head = self.start @ functions + gains * self.first
+        if self.early is not None and tau is not None:
+            functions, gains = self._later(c, d, tau + self.early)
+        later = self.jumps.read(functions) + jnp.outer(self.following, gains)
+        return jnp.concatenate([head[None], later[:-1]])
+
+    def _later(self, c: Array, d: Array, tau: Array | None) -> tuple[Array, Array]:
+        """`c x + d u` after `tau` seconds, as functions of the state and gains of the command
+        now."""
+        if tau is None:
+            return c[:, None], d[None]
+        Ad, Bd = jax.vmap(self.plant.system.discretise)(tau)
+        return (c @ Ad).T, Bd @ c + d
 
 
 class LinearPlant(eqx.Module):
@@ -132,25 +149,22 @@ class LinearPlant(eqx.Module):
         """
         if x0 is None:
             x0 = self.initial_state(u[0], u.shape[0] * dt)
-        Ad, Bd = self.system.discretise(dt)
+        dt = jnp.asarray(dt, x0.dtype)
         if self.delay is None:
-            following = jnp.concatenate([u[1:], u[-1:]])
-            later = propagate(Ad, Bd, Ad @ x0 + Bd * u[0], following)[:-1]
-            return LinearTrace(self, jnp.concatenate([x0[None], later]), u, None)
+            following, early = jnp.concatenate([u[1:], u[-1:]]), None
+            Ad, Bd = self.system.discretise(dt)
+            to_jump = Ad @ x0 + Bd * u[0]
+            return LinearTrace(
+                self, x0, u[0], following, propagate(Ad, Bd, to_jump, following), early, dt
+            )
 
-        # The command that acts from row k is u[k - whole], and `early` seconds before the next row
-        # the following one. The same operations as above, and then nothing added at a delay of
-        # zero: it is off bit for bit.
+        # Row k sees u[k - whole]. At a delay of zero all that follows is as above, bit for bit.
         whole, early = _whole_and_rest(self.delay, dt)
-        last = u.shape[0] - 1
         rows = jnp.arange(u.shape[0]) - whole
-        acting, following = u[jnp.clip(rows, 0, last)], u[jnp.clip(rows + 1, 0, last)]
-        to_row, push_to_row = self.system.discretise(early)
-        to_jump, push_to_jump = self.system.discretise(dt - early)
-        at_jumps = propagate(Ad, Bd, to_jump @ x0 + push_to_jump * acting[0], following)[:-1]
-        later = at_jumps @ to_row.T + jnp.outer(following, push_to_row)
-        states = jnp.concatenate([x0[None], later])
-        return LinearTrace(self, states, acting, _DelayedHold(dt - early, at_jumps, following))
+        first, following = u[0], u[jnp.clip(rows + 1, 0, u.shape[0] - 1)]
+        (Ad, to_jump), (Bd, push) = jax.vmap(self.system.discretise)(jnp.stack([dt, dt - early]))
+        jumps = propagate(Ad, Bd, to_jump @ x0 + push * first, following)
+        return LinearTrace(self, x0, first, following, jumps, early, dt)
 
     def simulate(
         self,

@@ -51,45 +51,54 @@ class StateSpace(eqx.Module):
         growth = _exponential_minus_identity(augmented * dt)
         return jnp.eye(n, dtype=self.A.dtype) + growth[:n, :n], growth[:n, n]
 
-    def output(self, x: Float[Array, "*N n"], u: Float[Array, "*N"]) -> Float[Array, "*N"]:
-        """`C x + D u`, for one instant or many."""
-        return x @ self.C + self.D * u
 
-    def output_rate(self, x: Float[Array, "*N n"], u: Float[Array, "*N"]) -> Float[Array, "*N"]:
-        """`C (A x + B u)`: the exact time derivative of the output while `u` is held.
+class Motion(eqx.Module):
+    """The states of `x[k+1] = Ad x[k] + Bd u[k]` over a record, to be read and not listed.
 
-        Where `u` jumps by `du` the output jumps by `D du` besides; that is no part of this rate.
-        """
-        return x @ (self.C @ self.A) + (self.C @ self.B) * u
+    The recursion of a loop, regrouped: within a block of `BLOCK` samples the states are one matrix
+    product of the block's inputs plus one of the state at its head, and only heads are scanned. Few
+    linear functions of the states are wanted and they are read directly, since the states
+    themselves would be the largest arrays of a simulation and cost more time than all else.
+    """
+
+    inputs: Float[Array, "blocks BLOCK"]
+    heads: Float[Array, "blocks n"]
+    powers: Float[Array, "BLOCK+1 n n"]
+    impulse: Float[Array, "BLOCK n"]
+    samples: int = eqx.field(static=True)
+
+    def read(self, functions: Float[Array, "n J"]) -> Float[Array, "N J"]:
+        """`x[k] @ functions` for `k = 0 ... N-1`: each before its own input."""
+        count = functions.shape[1]
+        free = jnp.einsum("jmn,mf->njf", self.powers[:BLOCK], functions)
+        lag = np.arange(BLOCK)[None, :] - np.arange(BLOCK)[:, None]  # input at i, state at j: j - i
+        answer = self.impulse @ functions
+        forced = jnp.where((lag > 0)[..., None], answer[np.maximum(lag - 1, 0)], 0.0)
+        values = self.inputs @ forced.reshape(BLOCK, BLOCK * count)
+        values = values + self.heads @ free.reshape(-1, BLOCK * count)
+        return values.reshape(-1, count)[: self.samples]
+
+    def last(self) -> Float[Array, " n"]:
+        """`x[N-1]`, the state before the last input."""
+        within = (self.samples - 1) % BLOCK
+        gained = self.inputs[-1, :within][::-1] @ self.impulse[:within]
+        return self.powers[within] @ self.heads[-1] + gained
 
 
 def propagate(
     Ad: Float[Array, "n n"], Bd: Float[Array, " n"], x0: Float[Array, " n"], u: Float[Array, " N"]
-) -> Float[Array, "N+1 n"]:
-    """States of `x[k+1] = Ad x[k] + Bd u[k]` from `x[0] = x0`, the start included.
-
-    The same recursion as a loop, regrouped: within a block of `BLOCK` samples all states are one
-    matrix product of the block's inputs plus one of the state at its head, and only the heads are
-    scanned.
-    """
-    samples, n = u.shape[0], x0.shape[0]
-    blocks = -(-samples // BLOCK)
+) -> Motion:
+    """The motion of `x[k+1] = Ad x[k] + Bd u[k]` from `x[0] = x0`."""
+    blocks = -(-u.shape[0] // BLOCK)
     powers = _powers(Ad)
     impulse = powers[:-1] @ Bd
-    lag = (
-        np.arange(BLOCK)[None, :] - np.arange(BLOCK)[:, None]
-    )  # state after sample j, input at sample i: j - i
-    taps = jnp.where((lag >= 0)[..., None], impulse[np.maximum(lag, 0)], 0.0)
-    inputs = jnp.pad(u, (0, blocks * BLOCK - samples)).reshape(blocks, BLOCK)
-    forced = (inputs @ taps.reshape(BLOCK, BLOCK * n)).reshape(blocks, BLOCK, n)
+    inputs = jnp.pad(u, (0, blocks * BLOCK - u.shape[0])).reshape(blocks, BLOCK)
 
     def to_next_head(head: Array, gained: Array) -> tuple[Array, Array]:
         return powers[-1] @ head + gained, head
 
-    _, heads = lax.scan(to_next_head, x0, forced[:, -1])
-    free = heads @ powers[1:].reshape(BLOCK * n, n).T
-    states = (forced.reshape(blocks, BLOCK * n) + free).reshape(blocks * BLOCK, n)
-    return jnp.concatenate([x0[None], states[:samples]])
+    _, heads = lax.scan(to_next_head, x0, inputs @ impulse[::-1])
+    return Motion(inputs, heads, powers, impulse, u.shape[0])
 
 
 def _powers(Ad: Float[Array, "n n"]) -> Float[Array, "BLOCK+1 n n"]:
