@@ -13,30 +13,7 @@ from ..config import CANONICAL, DEFAULT_PLANTS, PlantSpec, VehicleGeometry
 from ..errors import InputError, nearest
 from ..units import si_symbol
 from .noise import white_noise_std
-
-
-@dataclass(frozen=True)
-class Segment:
-    """A stretch of a record that is evenly sampled and without a gap.
-
-    Attributes:
-        start: index of its first sample.
-        stop: index after its last sample.
-        run: the run that it belongs to; runs start anew, segments of one run are parted by gaps
-            only.
-    """
-
-    start: int
-    stop: int
-    run: str = ""
-
-    def __len__(self) -> int:
-        return self.stop - self.start
-
-    @property
-    def samples(self) -> slice:
-        """Its place in the arrays of the record."""
-        return slice(self.start, self.stop)
+from .segment import Segment, split_blocks, split_runs
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,9 +271,10 @@ class Record:
             raise InputError(
                 self.name, "held_out", f"{held_out} is no share", "give a number between 0 and 1"
             )
-        seen, hidden = (
-            _split_runs(self, held_out) if by == "run" else _split_blocks(self, held_out, blocks)
-        )
+        if by == "run":
+            seen, hidden = split_runs(self.segments, held_out, self.name)
+        else:
+            seen, hidden = split_blocks(self.segments, held_out, blocks, self.name)
         return self.select(seen), self.select(hidden)
 
     @staticmethod
@@ -372,43 +350,3 @@ def _frozen(values, dtype) -> np.ndarray:
         array = array.copy() if array is values else array
         array.flags.writeable = False
     return array
-
-
-_SHORTEST_BLOCK = 50
-
-
-def _split_blocks(
-    record: Record, held_out: float, blocks: int
-) -> tuple[list[Segment], list[Segment]]:
-    seen, hidden = [], []
-    for segment in record.segments:
-        parts = min(blocks, int(len(segment) * held_out) // _SHORTEST_BLOCK)
-        if parts == 0:
-            seen.append(segment)
-            continue
-        edges = np.linspace(segment.start, segment.stop, parts + 1).round().astype(int)
-        for start, stop in zip(edges[:-1], edges[1:], strict=True):
-            cut = int(stop - round(held_out * (stop - start)))
-            seen.append(Segment(int(start), cut, segment.run))
-            hidden.append(Segment(cut, int(stop), segment.run))
-    if not hidden:
-        need = int(np.ceil(_SHORTEST_BLOCK / held_out))
-        raise InputError(
-            record.name,
-            "held_out",
-            f"no segment has the {need} samples to hold out a block",
-            'split by "run", or set 0',
-        )
-    return seen, hidden
-
-
-def _split_runs(record: Record, held_out: float) -> tuple[list[Segment], list[Segment]]:
-    runs = record.runs
-    if len(runs) < 2:
-        raise InputError(
-            record.name, "split", "there is only one run", 'split by "blocks", or give more logs'
-        )
-    count = min(max(round(held_out * len(runs)), 1), len(runs) - 1)
-    chosen = {runs[(k + 1) * len(runs) // count - 1] for k in range(count)}
-    hidden = [segment for segment in record.segments if segment.run in chosen]
-    return [segment for segment in record.segments if segment.run not in chosen], hidden

@@ -1,0 +1,282 @@
+"""What is wrong with the rows of a log: each kind of fault is refused or mended as the
+configuration says, and told.
+
+The steps work on `Rows`, the rows of a table that are left so far, in the order in which `prepare`
+calls them.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..config import CANONICAL, Config
+from ..errors import InputError, nearest
+from .resample import sample_period
+
+_SLOWEST, _FASTEST = (
+    1.0,
+    1e-4,
+)  # s between rows of a vehicle's log, outside which the unit of time is doubted
+
+
+@dataclass
+class Raw:
+    """The columns of a log, already in SI and named as channels, row by row as in the file.
+
+    Attributes:
+        name: what to call the log.
+        source: the file, for errors.
+        t: (N,) time, s.
+        channels: name -> (N,), NaN where a cell is empty.
+        quantities: name -> what it measures.
+        columns: name -> column of the file, for errors.
+        line: row -> where it stands in the file, in words.
+        run: (N,) labels of runs, or None for a single one.
+        keep: (N,) rows that were selected, or None for all.
+    """
+
+    name: str
+    source: str
+    t: np.ndarray
+    channels: dict[str, np.ndarray]
+    quantities: Mapping[str, str]
+    columns: Mapping[str, str]
+    line: Callable[[int], str]
+    run: np.ndarray | None = None
+    keep: np.ndarray | None = None
+
+
+@dataclass
+class Rows:
+    """The rows that are left, and what was done to them so far.
+
+    Attributes:
+        raw: the table.
+        index: (M,) rows of the table that are left.
+        fresh: (M,) true where a new piece starts.
+        filled: name -> (M,) true where a cell was filled in.
+        told: sentences.
+    """
+
+    raw: Raw
+    index: np.ndarray
+    fresh: np.ndarray
+    filled: dict[str, np.ndarray]
+    told: list[str]
+
+    @property
+    def t(self) -> np.ndarray:
+        return self.raw.t[self.index]
+
+    def cut(self, drop: np.ndarray, *, gap: bool) -> None:
+        """Leave rows out; with `gap`, what follows them starts a new piece."""
+        fresh = self.fresh.copy()
+        after = np.flatnonzero(drop & (gap | fresh)) + 1
+        while after.size:  # the mark moves on to the first row that stays
+            after = after[after < drop.size]
+            fresh[after] = True
+            after = after[drop[after]] + 1
+        keep = ~drop
+        self.index, self.fresh = self.index[keep], fresh[keep]
+        self.filled = {name: mask[keep] for name, mask in self.filled.items()}
+        if self.index.size:
+            self.fresh[0] = True
+
+
+def select_rows(rows: Rows) -> None:
+    drop = ~np.asarray(rows.raw.keep)
+    if drop.all():
+        raise InputError(
+            rows.raw.source,
+            "[select] where",
+            "no row is selected",
+            "loosen the expression of [select] where",
+        )
+    if drop.any():
+        rows.cut(drop, gap=True)
+        rows.told.append(
+            f"{np.count_nonzero(drop)} of {drop.size} rows were not selected and became gaps"
+        )
+
+
+def check_time(rows: Rows, config: Config) -> None:
+    """Refuse or drop rows whose time stamp is missing, not later than the one before, or
+    doubtful."""
+    raw = rows.raw
+    place = lambda k: f"{raw.line(int(rows.index[k]))}, column {raw.columns['t']!r}"  # noqa: E731
+    bad = ~np.isfinite(rows.t)
+    if bad.any():
+        k = int(np.flatnonzero(bad)[0])
+        if config.prepare.missing == "refuse":
+            mend = 'mend the cell, or set [prepare] missing = "gap"'
+            raise InputError(raw.source, place(k), "the time is missing or not finite", mend)
+        rows.told.append(f"{np.count_nonzero(bad)} rows without a time were left out")
+        rows.cut(bad, gap=True)
+    step = np.diff(rows.t, prepend=-np.inf)
+    back = ~rows.fresh & (step < 0.0)
+    if back.any():
+        k = int(np.flatnonzero(back)[0])
+        problem = f"time runs backwards, from {rows.t[k - 1]:.9g} to {rows.t[k]:.9g} s"
+        mend = 'sort the rows, or name the column that tells runs apart: [columns] run = "..."'
+        raise InputError(raw.source, place(k), problem, mend)
+    twice = ~rows.fresh & (step == 0.0)
+    if twice.any():
+        k = int(np.flatnonzero(twice)[0])
+        if config.prepare.duplicates == "refuse":
+            count = np.count_nonzero(twice)
+            problem = f"the time {rows.t[k]:.9g} s stands there twice (as in {count} rows in all)"
+            mend = 'delete the rows, or set [prepare] duplicates = "drop"'
+            raise InputError(raw.source, place(k), problem, mend)
+        rows.told.append(
+            f"{np.count_nonzero(twice)} rows with the time of the row before were left out, "
+            f"the first at {rows.t[k]:g} s"
+        )
+        rows.cut(twice, gap=False)
+
+
+def period_of(rows: Rows, config: Config) -> float:
+    """The period of the log; refused where the unit of time must be wrong for a vehicle."""
+    raw = rows.raw
+    try:
+        period = sample_period(rows.t, rows.fresh)
+    except ValueError:
+        problem = "no two rows follow each other"
+        raise InputError(
+            raw.source, "", problem, "give a longer log, or loosen [select] where"
+        ) from None
+    is_vehicle = any(channel in CANONICAL for channel in raw.channels)
+    place = f"column {raw.columns['t']!r}"
+    if is_vehicle and "t" not in config.units and period >= _SLOWEST:
+        problem = f"rows are {period:g} s apart, too far to see an actuator"
+        mend = 'set [units] t = "ms" if time is in milliseconds, or say t = "s" if it is in seconds'
+        raise InputError(raw.source, place, problem, mend)
+    if is_vehicle and "t" in config.units and period < _FASTEST:
+        problem = f"rows are {period:g} s apart with [units] t = {config.units['t']!r}"
+        raise InputError(
+            raw.source, place, problem, "give the unit that the time column is written in"
+        )
+    return period
+
+
+def unwrap(rows: Rows, config: Config) -> None:
+    """Unwrap angles over the finite cells of each run."""
+    raw = rows.raw
+    for name in config.prepare.unwrap:
+        if name not in raw.channels:
+            if name in config.columns:
+                raise InputError(
+                    config.source,
+                    "[prepare] unwrap",
+                    f"no channel {name!r}",
+                    nearest(name, raw.channels),
+                )
+            continue
+        values, jumps = raw.channels[name].copy(), 0
+        for first, last in stretches(rows.fresh):
+            index = rows.index[first:last]
+            index = index[np.isfinite(values[index])]
+            smooth = np.unwrap(values[index])
+            jumps += np.count_nonzero(np.abs(np.diff(smooth - values[index])) > 1.0)
+            values[index] = smooth
+        if jumps:
+            raw.channels[name] = values
+            rows.told.append(f"{name} was unwrapped at {jumps} jumps")
+
+
+def mend_missing(rows: Rows, config: Config, gap: float) -> None:
+    """Refuse, cut or fill cells that are empty or not finite, as `[prepare] missing` says."""
+    raw, policy = rows.raw, config.prepare.missing
+    lost, without = np.zeros(rows.index.size, dtype=bool), []
+    for name, values in raw.channels.items():
+        bad = ~np.isfinite(values[rows.index])
+        if not bad.any():
+            continue
+        count, k = np.count_nonzero(bad), int(np.flatnonzero(bad)[0])
+        if policy == "refuse":
+            place = f"{raw.line(int(rows.index[k]))}, column {raw.columns[name]!r}"
+            problem = f"the cell is empty or not finite ({count} such cells in the column)"
+            mend = 'mend them, or set [prepare] missing = "gap", "hold" or "interpolate"'
+            raise InputError(raw.source, place, problem, mend)
+        if policy != "gap":
+            held = policy == "hold" or is_held(name, config)
+            stay = _fill(rows, name, bad, held, gap)
+            if filled := np.count_nonzero(bad & ~stay):
+                how = "held from the last value" if held else "interpolated"
+                rows.told.append(
+                    f"{filled} missing cells of {name} were {how}, the first at {rows.t[k]:g} s"
+                )
+            bad = stay
+        if bad.any():
+            without.append(name)
+            lost |= bad
+    if without:
+        k = int(np.flatnonzero(lost)[0])
+        rows.told.append(
+            f"{np.count_nonzero(lost)} rows without {' or '.join(without)} were cut out, the first "
+            f"at {rows.t[k]:g} s"
+        )
+        rows.cut(lost, gap=True)
+
+
+def _fill(rows: Rows, name: str, bad: np.ndarray, held: bool, gap: float) -> np.ndarray:
+    """Fill short holes of a channel in place; returns the mask of what could not be filled."""
+    values, t = rows.raw.channels[name].copy(), rows.t
+    left = bad.copy()
+    for first, last in stretches(rows.fresh):
+        here = np.arange(first, last)
+        good = here[~bad[first:last]]
+        holes = here[bad[first:last]]
+        if good.size == 0 or holes.size == 0:
+            continue
+        before = np.searchsorted(good, holes) - 1
+        after = np.minimum(before + 1, good.size - 1)
+        older, newer = good[np.maximum(before, 0)], good[after]
+        if held:
+            short = (before >= 0) & (t[holes] - t[older] <= gap)
+            fill = values[rows.index[older]]
+        else:
+            inside = (before >= 0) & (newer > holes)
+            short = inside & (t[newer] - t[older] <= gap)
+            fill = np.interp(t[holes], t[good], values[rows.index[good]])
+        values[rows.index[holes[short]]] = fill[short]
+        left[holes[short]] = False
+    rows.raw.channels[name] = values
+    rows.filled[name] = bad & ~left
+    return left
+
+
+def cut_warm_up(rows: Rows, config: Config) -> None:
+    warm_up, raw = config.prepare.warm_up, rows.raw
+    if warm_up == 0.0 or not rows.index.size:
+        return
+    labels = raw.run[rows.index] if raw.run is not None else np.zeros(rows.index.size)
+    start = np.concatenate([[True], labels[1:] != labels[:-1]])
+    begin = rows.t[np.flatnonzero(start)][np.cumsum(start) - 1]
+    drop = rows.t - begin < warm_up
+    rows.told.append(
+        f"the first {warm_up:g} s of every run were cut ({np.count_nonzero(drop)} rows)"
+    )
+    rows.cut(drop, gap=True)
+
+
+def cut_gaps(rows: Rows, gap: float) -> None:
+    step = np.diff(rows.t, prepend=np.nan)
+    wide = ~rows.fresh & (step > gap)
+    if wide.any():
+        k = int(np.flatnonzero(wide)[0])
+        rows.told.append(
+            f"{np.count_nonzero(wide)} holes of more than {gap:g} s between rows became gaps, the "
+            f"longest of {step[wide].max():g} s, the first at {rows.t[k - 1]:g} s"
+        )
+        rows.fresh |= wide
+
+
+def stretches(fresh: np.ndarray) -> list[tuple[int, int]]:
+    starts = np.flatnonzero(fresh)
+    return list(zip(starts.tolist(), np.append(starts[1:], fresh.size).tolist(), strict=True))
+
+
+def is_held(channel: str, config: Config) -> bool:
+    """Whether a channel is a command, which keeps its value between rows."""
+    return channel.endswith("_cmd") or channel in config.prepare.hold

@@ -1,0 +1,225 @@
+"""From a table in SI to a `Record`: mend the rows, lay the grid, derive channels.
+
+Nothing is mended in silence: every step that changes something adds a sentence to the record's
+`repairs`.
+"""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from ..config import DEFAULT_PLANTS, Config, PlantSpec
+from ..errors import InputError, nearest
+from ..units import si_symbol
+from .derive import Channels, derive
+from .mend import (
+    Raw,
+    Rows,
+    check_time,
+    cut_gaps,
+    cut_warm_up,
+    is_held,
+    mend_missing,
+    period_of,
+    select_rows,
+    stretches,
+    unwrap,
+)
+from .record import Record, Segment
+from .resample import Grid, hold, interpolate, make_grid, rounded, touched
+
+_DEFAULT_GAP = 5.0  # sample periods
+_ROUNDING = 0.02  # how far the period of an uneven log may move to become a rounder number
+_BETWEEN_RUNS = 1.0  # s between runs whose clocks restarted
+
+
+def prepare(raw: Raw, config: Config) -> Record:
+    """Make a record of a table.
+
+    Args:
+        raw: the table.
+        config: its `[prepare]`, `[derive]`, `[vehicle]` and `[[plants]]` are used.
+
+    Raises:
+        InputError: the log is refused: too short, time that does not rise, missing cells, nothing
+            left, or what the configuration asks for cannot be derived.
+    """
+    n = raw.t.size
+    if n < 2:
+        found = "a header and no rows" if n == 0 else "only one row"
+        raise InputError(raw.source, "", f"the log has {found}", "give a log with many rows")
+    new_run = np.zeros(n, dtype=bool)
+    new_run[0] = True
+    if raw.run is not None:
+        new_run[1:] = raw.run[1:] != raw.run[:-1]
+    rows = Rows(raw, np.arange(n), new_run, {}, [])
+    if raw.keep is not None:
+        select_rows(rows)
+    check_time(rows, config)
+    period = period_of(rows, config)
+    gap = config.prepare.gap or _DEFAULT_GAP * period
+    unwrap(rows, config)
+    mend_missing(rows, config, gap)
+    cut_warm_up(rows, config)
+    cut_gaps(rows, gap)
+    return _assemble(rows, config, period)
+
+
+def _assemble(rows: Rows, config: Config, period: float) -> Record:
+    """Lay each piece on its grid, join them, and derive what follows from them."""
+    raw = rows.raw
+    pieces, grids, dt = _grids(rows, config, period)
+    _tell_sampling(rows, grids, period, dt)
+    absent = np.concatenate([grid.absent for grid in grids])
+    values: dict[str, np.ndarray] = {}
+    filled: dict[str, np.ndarray] = {}
+    for name in raw.channels:
+        on_grid = hold if is_held(name, config) else interpolate
+        values[name] = _each(on_grid, grids, raw.channels[name][rows.index], pieces)
+        mask = absent
+        if name in rows.filled:
+            mask = mask | _each(touched, grids, rows.filled[name], pieces)
+        if mask.any():
+            filled[name] = mask.copy()
+    runs = [raw.name if raw.run is None else str(raw.run[rows.index[at.start]]) for at in pieces]
+    t = _lay_out(grids, runs, dt, rows.told)
+    units = {name: si_symbol(raw.quantities[name]) for name in values}
+    edges = np.cumsum([0, *(grid.samples for grid in grids)]).tolist()
+    segments = [
+        Segment(start, stop, run)
+        for start, stop, run in zip(edges[:-1], edges[1:], runs, strict=True)
+    ]
+    samples = [segment.samples for segment in segments]
+    channels = Channels(values, filled, units, samples, dt, t, rows.told)
+    derive(channels, config.derive, config.vehicle, source=config.source, log=raw.source)
+    return Record(
+        name=raw.name,
+        dt=dt,
+        t=t,
+        channels=channels.values,
+        units=channels.units,
+        segments=tuple(segments),
+        repairs=tuple(rows.told),
+        vehicle=config.vehicle,
+        plants=_plants(config, channels.values),
+        filled=channels.filled,
+    )
+
+
+def _each(
+    on_grid: Callable, grids: list[Grid], column: np.ndarray, pieces: list[slice]
+) -> np.ndarray:
+    """A column piece by piece on its grids, joined."""
+    parts = [on_grid(grid, column[at]) for grid, at in zip(grids, pieces, strict=True)]
+    return np.concatenate(parts)
+
+
+def _grids(rows: Rows, config: Config, period: float) -> tuple[list[slice], list[Grid], float]:
+    """The pieces that are long enough, a grid for each, and the sample period of them all."""
+    dt = config.prepare.dt or period
+    pieces = [slice(first, last) for first, last in stretches(rows.fresh)]
+    grids = [make_grid(rows.t[at], period, dt, config.prepare.jitter) for at in pieces]
+    if config.prepare.dt is None and not all(grid.even for grid in grids):
+        dt = rounded(period, _ROUNDING * period)
+        grids = [make_grid(rows.t[at], period, dt, config.prepare.jitter) for at in pieces]
+    enough = config.prepare.min_segment
+    long = [k for k, grid in enumerate(grids) if grid.samples >= enough]
+    if not long:
+        problem = f"no stretch without a gap has the {enough} samples of {dt:g} s that are needed"
+        mend = "give a longer log, or change [prepare] gap or min_segment"
+        raise InputError(rows.raw.source, "", problem, mend)
+    if len(long) < len(grids):
+        lost = rows.index.size - sum(grids[k].position.size for k in long)
+        rows.told.append(
+            f"{len(grids) - len(long)} pieces between gaps have less than {enough} samples and "
+            f"were left out ({lost} rows)"
+        )
+    return [pieces[k] for k in long], [grids[k] for k in long], dt
+
+
+def _tell_sampling(rows: Rows, grids: list[Grid], period: float, dt: float) -> None:
+    uneven = [grid for grid in grids if not grid.even]
+    if uneven:
+        steps = np.concatenate([np.diff(grid.position) * grid.step for grid in uneven])
+        rows.told.append(
+            f"{sum(grid.position.size for grid in uneven)} unevenly spaced rows (steps of "
+            f"{steps.min():.3g} to {steps.max():.3g} s) were resampled to "
+            f"{sum(grid.samples for grid in uneven)} samples at {dt:g} s: commands held, "
+            f"measurements interpolated"
+        )
+    if grids[0].every > 1:
+        rows.told.append(
+            f"thinned out from {period:g} to {dt:g} s: measurements were low-passed below "
+            f"{0.5 / dt:g} Hz first, commands held"
+        )
+    if absent := sum(np.count_nonzero(grid.absent) for grid in grids):
+        rows.told.append(
+            f"{absent} samples without a row were filled in and marked as not measured"
+        )
+
+
+def _lay_out(grids: list[Grid], runs: list[str], dt: float, told: list[str]) -> np.ndarray:
+    """One strictly increasing time base; runs whose clock restarted are laid behind the run
+    before."""
+    parts, shift, moved = [], 0.0, 0
+    for k, grid in enumerate(grids):
+        start = grid.start + shift
+        if k > 0 and runs[k] != runs[k - 1]:
+            start = grid.start
+            if start <= parts[-1][-1]:
+                start, moved = parts[-1][-1] + dt + _BETWEEN_RUNS, moved + 1
+            shift = start - grid.start
+        parts.append(start + dt * np.arange(grid.samples))
+    if moved:
+        told.append(f"the clock starts anew in {moved} runs, which were laid one after another")
+    return np.concatenate(parts)
+
+
+def _plants(config: Config, channels: Mapping[str, np.ndarray]) -> tuple[PlantSpec, ...]:
+    """The plants that the configuration names, or those of the paper whose channels are there."""
+    for plant in config.plants:
+        for role in ("input", "output"):
+            channel = getattr(plant, role)
+            if channel not in channels:
+                place = f"[[plants]] {plant.name}: {role}"
+                raise InputError(
+                    config.source, place, f"no channel {channel!r}", nearest(channel, channels)
+                )
+    return config.plants or tuple(
+        p for p in DEFAULT_PLANTS if p.input in channels and p.output in channels
+    )
+
+
+def check_excitation(record: Record, plant: PlantSpec) -> None:
+    """Refuse a record from which nothing can be learnt about a plant.
+
+    Args:
+        record: the record.
+        plant: which channel answers to which.
+
+    Raises:
+        InputError: a channel is not there, the command never changes, or the response is zero or
+            constant throughout.
+    """
+    command, response = record[plant.input], record[plant.output]
+    if np.ptp(command) <= 1e-12 * np.abs(command).max():
+        problem = f"the command of {plant.name} is {command[0]:g} in all {record.n} samples"
+        raise InputError(
+            record.name,
+            plant.input,
+            problem,
+            "record a run in which it changes, or name another input",
+        )
+    if not response.any():
+        problem = f"the response of {plant.name} is zero in all {record.n} samples"
+        raise InputError(
+            record.name,
+            plant.output,
+            problem,
+            "check that the sensor was logged, or name another output",
+        )
+    if np.ptp(response) <= 1e-12 * np.abs(response).max():
+        problem = f"the response of {plant.name} is {response[0]:g} in all {record.n} samples"
+        raise InputError(
+            record.name, plant.output, problem, "check the sensor, or name another output"
+        )

@@ -1,0 +1,165 @@
+"""From a file to a `Record`: formats, names, units and signs end here. Below this door all is SI.
+
+`read_log` is the whole way: find the columns that the configuration asks for, refuse what cannot be
+read before it fills the memory, turn units into SI, and hand the table to `prepare`, which makes
+evenly sampled segments of it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ..config import CANONICAL, STEERING_CHANNELS, Config, allowed_quantities, load_config
+from ..errors import InputError, nearest
+from ..units import si_symbol, unit
+from .derive import steering_from_curvature
+from .expressions import parse
+from .mend import Raw
+from .prepare import prepare
+from .record import Record
+from .table import open_table
+
+_CONFIG_NAMES = ("vehicle.toml",)
+
+
+def read_log(path: str | Path, config: str | Path | Config | None = None) -> Record:
+    """Read one log.
+
+    Args:
+        path: a CSV file (with a header; comma, semicolon or tab) or an NPZ file of one-dimensional
+            arrays. The canonical header needs no configuration.
+        config: a TOML file or what `load_config` made of it. Without one, a TOML file of the log's
+            name beside it, or a `vehicle.toml` in its folder, is taken; without those, the
+            canonical header is expected.
+
+    Returns:
+        The record: SI units, evenly sampled segments, every repair told.
+
+    Raises:
+        InputError: the log or its configuration is refused; the message names the file, the line or
+            key, and the mend.
+    """
+    path = Path(path)
+    if not isinstance(config, Config):
+        config = load_config(config if config is not None else _beside(path))
+    where = None
+    if config.select.where is not None:
+        where = parse(config.select.where, source=config.source, place="[select] where")
+    table = open_table(path)
+    columns = _columns(config, table.names, path)
+    run = columns.pop("run", None)
+    texts = ({run} if run else set()) | set(where.texts if where else ())
+    numbers = set(columns.values()) | set(where.names if where else ()) - texts
+    if where is not None:
+        for name in where.names:
+            if name not in table.names:
+                problem = f"{name!r} in {where.text!r} is no column of {path}"
+                raise InputError(
+                    config.source, "[select] where", problem, nearest(name, table.names)
+                )
+    read = table.read(numbers=numbers, texts=texts)
+    channels = {channel: _to_si(channel, read[name], config) for channel, name in columns.items()}
+    raw = Raw(
+        name=path.stem,
+        source=str(path),
+        t=channels.pop("t"),
+        channels=channels,
+        quantities={channel: _quantity(channel, config) for channel in channels},
+        run=read[run] if run else None,
+        keep=None if where is None else np.broadcast_to(where(read), table.rows).astype(bool),
+        columns=columns,
+        line=table.line,
+    )
+    return prepare(raw, config)
+
+
+def read_logs(
+    paths: Sequence[str | Path], config: str | Path | Config | None = None
+) -> list[Record]:
+    """Read several logs of one vehicle with one configuration.
+
+    Args:
+        paths: the files, at least one; see `read_log`.
+        config: as in `read_log`.
+
+    Returns:
+        A record for each file, with different names: the file's, with its folder's before it where
+        two are alike.
+
+    Raises:
+        InputError: a log or the configuration is refused, or no file is given.
+    """
+    if not paths:
+        raise InputError("logs", "", "no log is given", "give at least one file")
+    files = [Path(path) for path in paths]
+    records = [read_log(file, config) for file in files]
+    names = [record.name for record in records]
+    return [
+        replace(record, name=f"{file.parent.name}/{record.name}")
+        if names.count(record.name) > 1
+        else record
+        for file, record in zip(files, records, strict=True)
+    ]
+
+
+def _beside(path: Path) -> Path | None:
+    """The configuration that lies beside a log, if there is one."""
+    candidates = (path.with_suffix(".toml"), *(path.parent / name for name in _CONFIG_NAMES))
+    return next((candidate for candidate in candidates if candidate.is_file()), None)
+
+
+def _columns(config: Config, names: Sequence[str], path: Path) -> dict[str, str]:
+    """Which column of the file each channel is: those that the configuration names, and canonical
+    ones by their name."""
+    for channel, name in config.columns.items():
+        if name not in names:
+            place = f"[columns] {channel}" if config.path else f"column {name}"
+            raise InputError(
+                str(path),
+                f"column {name!r}",
+                f"is missing ({config.source}, {place})",
+                nearest(name, names),
+            )
+    columns = {channel: channel for channel in CANONICAL if channel in names} | dict(config.columns)
+    taken = list(config.columns.values())
+    columns = {c: n for c, n in columns.items() if c in config.columns or n not in taken}
+    if "t" not in columns:
+        mend = f'name the time column with [columns] t = "..."; the header has {", ".join(names)}'
+        raise InputError(str(path), "column 't'", "is missing", mend)
+    if len(columns) < 2 + ("run" in columns):
+        mend = f"name channels in [columns]; the header has {', '.join(names)}"
+        raise InputError(
+            str(path), "header", f"has none of the columns {', '.join(CANONICAL)}", mend
+        )
+    return columns
+
+
+def _unit(channel: str, config: Config):
+    """The unit that a channel is logged in: as declared, or the SI unit of a canonical channel, or
+    a pure number."""
+    default = si_symbol(CANONICAL[channel]) if channel in CANONICAL else "1"
+    quantities = allowed_quantities(channel)
+    name = config.units.get(channel, default)
+    return unit(name, source=config.source, place=f"[units] {channel}", quantities=quantities)
+
+
+def _quantity(channel: str, config: Config) -> str:
+    """What a channel measures once it is in SI: canonical ones what they always do."""
+    return CANONICAL.get(channel) or _unit(channel, config).quantity
+
+
+def _to_si(channel: str, values: np.ndarray, config: Config) -> np.ndarray:
+    """Unit and sign; a steering channel that was logged as curvature becomes a road-wheel angle."""
+    measured = _unit(channel, config)
+    factor = measured.to_si * config.sign.get(channel, 1.0)
+    values = values if factor == 1.0 else values * factor
+    if channel in STEERING_CHANNELS and measured.quantity == "curvature":
+        if config.vehicle is None:
+            problem = "a curvature needs the wheelbase to become an angle"
+            raise InputError(
+                config.source, f"[units] {channel}", problem, "give [vehicle] l_f and l_r"
+            )
+        return steering_from_curvature(values, config.vehicle)
+    return values
