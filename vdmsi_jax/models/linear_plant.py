@@ -6,53 +6,45 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from vdmsi_jax.models.plant import AbstractPlant, AbstractTrace, PlantResponse
 from vdmsi_jax.models.state_space import Motion, StateSpace, propagate
 
 REST_RECORDS = 100.0  # a pole slower than so many times the record has no time to come to rest
 
 
-class PlantResponse(eqx.Module):
-    """The answer of a plant to a record of commands, at the instants of the rows.
+class _Lead(eqx.Module):
+    """By how much the command jumps before the rows, and the exact step from a jump to its row."""
 
-    Attributes:
-        y: response at each row, with that row's command already applied; output unit.
-        dy: its exact derivative at the same instants while the command is held; output unit per
-            second. The jumps of `y` where a command jumps (feed-through) are no part of it.
-        x_end: state one sample after the last row, where a following record would start.
-    """
-
-    y: Float[Array, " N"]
-    dy: Float[Array, " N"]
-    x_end: Float[Array, " n"]
+    early: Float[Array, ""]
+    to_row: Float[Array, "n n"]
+    push: Float[Array, " n"]
 
 
-class LinearTrace(eqx.Module):
+class LinearTrace(AbstractTrace):
     """The exact motion of a linear plant over a record: its response at any instant.
 
     Made by `LinearPlant.trace`. It costs one simulation; `at` then costs a few matrix products.
 
-    The command jumps at each row, or, where a delay is no multiple of the sample period, `early`
-    seconds before it. The motion is therefore known at the jumps, and read from the last one.
+    The command jumps at each row, or, where a delay is no multiple of the sample period, somewhat
+    before it. The motion is known at the jumps, and read from the last one.
     """
 
     plant: "LinearPlant"
     start: Float[Array, " n"]  # state at the first row
     first: Float[Array, ""]  # command acting at the first row
-    following: Float[Array, " N"]  # command acting after the jump at or before the next row
+    following: Float[Array, " N"]  # command acting from the jump at or before the next row
     jumps: Motion  # states at these jumps
-    early: Float[Array, ""] | None
+    lead: _Lead | None
     dt: Float[Array, ""]
 
     def rows(self) -> PlantResponse:
         """The response at the rows."""
-        system = self.plant.system
-        now = None if self.early is None else jnp.zeros_like(self.early)[None]
-        y = self._since_row(system.C, system.D, now)[:, 0]
-        dy = self._since_row(system.C @ system.A, system.C @ system.B, now)[:, 0]
+        A, B, C, D = (getattr(self.plant.system, name) for name in "ABCD")
+        y = self._from_rows(C[:, None], D[None])[:, 0]
+        dy = self._from_rows((C @ A)[:, None], (C @ B)[None])[:, 0]
         x_end = self.jumps.last()
-        if self.early is not None:
-            to_row, push = system.discretise(self.early)
-            x_end = to_row @ x_end + push * self.following[-1]
+        if self.lead is not None:
+            x_end = self.lead.to_row @ x_end + self.lead.push * self.following[-1]
         return PlantResponse(self.plant.shift(y), dy, x_end)
 
     def at(self, tau: Float[Array, " J"]) -> Float[Array, "N J"]:
@@ -60,35 +52,38 @@ class LinearTrace(eqx.Module):
 
         At the very instant of a delayed jump the command has jumped.
         """
-        system = self.plant.system
-        if self.early is None:
-            return self.plant.shift(self._since_row(system.C, system.D, tau))
-        jump = self.dt - self.early
+        if self.lead is None:
+            return self.plant.shift(self._from_rows(*self.plant.system.ahead(tau)))
+        jump = self.dt - self.lead.early
         jumped = tau >= jump
-        before = self._since_row(system.C, system.D, jnp.where(jumped, 0.0, tau))
-        functions, gains = self._later(system.C, system.D, jnp.where(jumped, tau - jump, 0.0))
-        after = self.jumps.read(functions) + jnp.outer(self.following, gains)
+        before = self._from_rows(*self.plant.system.ahead(jnp.where(jumped, 0.0, tau)))
+        after = self._from_jumps(*self.plant.system.ahead(jnp.where(jumped, tau - jump, 0.0)))
         return self.plant.shift(jnp.where(jumped, after, before))
 
-    def _since_row(self, c: Array, d: Array, tau: Array | None) -> Float[Array, "N J"]:
-        """`c x + d u` at `tau` after each row while that row's command acts; `None`: at the row."""
-        functions, gains = self._later(c, d, tau)
+    def travelled(self) -> Float[Array, " N"]:
+        """Integral of the response over the sample that follows each row, exactly."""
+        if self.lead is None:
+            way = self._from_rows(*self.plant.system.area_ahead(self.dt))
+        else:
+            way = self._from_rows(*self.plant.system.area_ahead(self.dt - self.lead.early))
+            way = way + self._from_jumps(*self.plant.system.area_ahead(self.lead.early))
+        offset = self.plant.offset
+        return way[:, 0] if offset is None else way[:, 0] + offset * self.dt
+
+    def _from_rows(self, functions: Array, gains: Array) -> Float[Array, "N J"]:
+        """`x @ functions + gains u` of the states and commands at the rows."""
         head = self.start @ functions + gains * self.first
-        if self.early is not None and tau is not None:
-            functions, gains = self._later(c, d, tau + self.early)
-        later = self.jumps.read(functions) + jnp.outer(self.following, gains)
-        return jnp.concatenate([head[None], later[:-1]])
+        if self.lead is not None:
+            gains = self.lead.push @ functions + gains
+            functions = self.lead.to_row.T @ functions
+        return jnp.concatenate([head[None], self._from_jumps(functions, gains)[:-1]])
 
-    def _later(self, c: Array, d: Array, tau: Array | None) -> tuple[Array, Array]:
-        """`c x + d u` after `tau` seconds, as functions of the state and gains of the command
-        now."""
-        if tau is None:
-            return c[:, None], d[None]
-        Ad, Bd = jax.vmap(self.plant.system.discretise)(tau)
-        return (c @ Ad).T, Bd @ c + d
+    def _from_jumps(self, functions: Array, gains: Array) -> Float[Array, "N J"]:
+        """The same at the jump that follows each row."""
+        return self.jumps.read(functions) + jnp.outer(self.following, gains)
 
 
-class LinearPlant(eqx.Module):
+class LinearPlant(AbstractPlant):
     """A state-space system with what a real actuator adds to it: a transport delay and an offset.
 
     Users write plants as `TransferFunction`; this is what a transfer function becomes to be
@@ -151,29 +146,29 @@ class LinearPlant(eqx.Module):
             x0 = self.initial_state(u[0], u.shape[0] * dt)
         dt = jnp.asarray(dt, x0.dtype)
         if self.delay is None:
-            following, early = jnp.concatenate([u[1:], u[-1:]]), None
-            Ad, Bd = self.system.discretise(dt)
-            to_jump = Ad @ x0 + Bd * u[0]
-            return LinearTrace(
-                self, x0, u[0], following, propagate(Ad, Bd, to_jump, following), early, dt
-            )
+            lead, following = None, jnp.concatenate([u[1:], u[-1:]])
+            Ad, Bd = to_jump, push = self.system.discretise(dt)
+        else:  # row k sees u[k - whole]; at a delay of zero all is as above, bit for bit
+            whole, early = _whole_and_rest(self.delay, dt)
+            rows = jnp.arange(u.shape[0]) - whole
+            following = u[jnp.clip(rows + 1, 0, u.shape[0] - 1)]
+            spans = jnp.stack([dt, dt - early, early])
+            (Ad, to_jump, to_row), (Bd, push, push_to_row) = jax.vmap(self.system.discretise)(spans)
+            lead = _Lead(early, to_row, push_to_row)
+        jumps = propagate(Ad, Bd, to_jump @ x0 + push * u[0], following)
+        return LinearTrace(self, x0, u[0], following, jumps, lead, dt)
 
-        # Row k sees u[k - whole]. At a delay of zero all that follows is as above, bit for bit.
-        whole, early = _whole_and_rest(self.delay, dt)
-        rows = jnp.arange(u.shape[0]) - whole
-        first, following = u[0], u[jnp.clip(rows + 1, 0, u.shape[0] - 1)]
-        (Ad, to_jump), (Bd, push) = jax.vmap(self.system.discretise)(jnp.stack([dt, dt - early]))
-        jumps = propagate(Ad, Bd, to_jump @ x0 + push * first, following)
-        return LinearTrace(self, x0, first, following, jumps, early, dt)
-
-    def simulate(
-        self,
-        u: Float[Array, " N"],
-        dt: float | Float[Array, ""],
-        x0: Float[Array, " n"] | None = None,
-    ) -> PlantResponse:
-        """Response at the rows; arguments as in `trace`."""
-        return self.trace(u, dt, x0).rows()
+    def to_plant(self, order: int | None = None) -> "LinearPlant":
+        """Itself, padded to `order` states. Raises ValueError if it needs more."""
+        n = self.rest.shape[0]
+        size = n if order is None else order
+        if size < n:
+            raise ValueError(f"the plant needs {n} states, not {size}; give order={n} or more")
+        more = (0, size - n)
+        A = jnp.pad(self.system.A, (more, more)) - jnp.diag(jnp.arange(size) >= n)
+        B, C, rest = (jnp.pad(v, more) for v in (self.system.B, self.system.C, self.rest))
+        system = StateSpace(A, B, C, self.system.D)
+        return LinearPlant(system, rest, self.slowest, self.delay, self.offset)
 
 
 def _whole_and_rest(delay: Array, dt: float | Array) -> tuple[Array, Array]:

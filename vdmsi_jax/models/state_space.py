@@ -51,6 +51,21 @@ class StateSpace(eqx.Module):
         growth = _exponential_minus_identity(augmented * dt)
         return jnp.eye(n, dtype=self.A.dtype) + growth[:n, :n], growth[:n, n]
 
+    def ahead(self, tau: Float[Array, " J"]) -> tuple[Float[Array, "n J"], Float[Array, " J"]]:
+        """Output after `tau` seconds of a held command: functions of the state, gains of the
+        command now."""
+        Ad, Bd = jax.vmap(self.discretise)(tau)
+        return (self.C @ Ad).T, Bd @ self.C + self.D
+
+    def area_ahead(self, span: Float[Array, ""]) -> tuple[Float[Array, "n 1"], Float[Array, " 1"]]:
+        """Integral of the output over the next `span` seconds of a held command, in the form of
+        `ahead`: the output of the system with one integrator more."""
+        n = self.B.shape[0]
+        A = jnp.zeros((n + 1, n + 1), self.A.dtype).at[:n, :n].set(self.A).at[n, :n].set(self.C)
+        integrated = StateSpace(A, jnp.append(self.B, self.D), jnp.eye(n + 1)[n], jnp.zeros(()))
+        functions, gains = integrated.ahead(span[None])
+        return functions[:n], gains
+
 
 class Motion(eqx.Module):
     """The states of `x[k+1] = Ad x[k] + Bd u[k]` over a record, to be read and not listed.

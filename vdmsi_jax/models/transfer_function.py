@@ -3,13 +3,13 @@ realisation."""
 
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Complex, Float
 
 from vdmsi_jax.models import exchange
-from vdmsi_jax.models.linear_plant import LinearPlant, LinearTrace, PlantResponse
+from vdmsi_jax.models.linear_plant import LinearPlant, LinearTrace
+from vdmsi_jax.models.plant import AbstractPlant
 from vdmsi_jax.models.state_space import StateSpace
 
 
@@ -20,7 +20,7 @@ def improper_reason(poles: int, zeros: int) -> str | None:
     return f"improper: {zeros} zeros exceed {poles} poles, so eq. (5) has no realisation"
 
 
-class TransferFunction(eqx.Module):
+class TransferFunction(AbstractPlant):
     """An actuator as the paper writes it: `y = num(s) / den(s) u(t - delay) + offset`.
 
     Every leaf is a parameter to differentiate, fit or batch by. The leading coefficient of `den` is
@@ -153,28 +153,6 @@ class TransferFunction(eqx.Module):
     def jump(self, dt: float | Float[Array, ""]) -> Float[Array, ""] | None:
         """Time after each row at which the delayed command jumps, s; `None` without a delay."""
         return self.to_plant().jump(dt)
-
-    def simulate(
-        self,
-        u: Float[Array, " N"],
-        dt: float | Float[Array, ""],
-        x0: Float[Array, " n"] | None = None,
-    ) -> PlantResponse:
-        """Exact response to commands that are held between the rows.
-
-        Row `k` holds the output at `t_k` and the command issued at `t_k`, which the output sees at
-        once through a feed-through. Before the record the command was `u[0]`. Both modes of
-        differentiation work, in the delay too; many plants or records run under `jax.vmap`,
-        thousands in bounded memory under `jax.lax.map(batch_size=50)`.
-
-        Args:
-            u: commands.
-            dt: sample period, s.
-            x0: state of `to_state_space()` at the first row. `None` starts at rest under `u[0]`, or
-                from zero where a near-integrator had no time to come to rest
-                (`LinearPlant.initial_state`).
-        """
-        return self.trace(u, dt, x0).rows()
 
     def to_scipy(self) -> Any:
         """`scipy.signal.TransferFunction`. Raises ValueError with a delay or offset to lose."""

@@ -1,0 +1,83 @@
+"""The vehicle: a bicycle whose speed and steering angle are the responses of two actuators."""
+
+import enum
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from vdmsi_jax.models.bicycle import Bicycle
+from vdmsi_jax.models.following import FollowedAtOnce
+from vdmsi_jax.models.linear_plant import LinearPlant
+from vdmsi_jax.models.plant import AbstractPlant
+
+
+class SpeedInput(enum.Enum):
+    """What the bicycle takes from the powertrain's velocity response."""
+
+    ACCELERATION = "its derivative, integrated from the speed at the start (eq. 6)"
+    VELOCITY = "the response itself; a speed at the start plays no part"
+
+
+def _plant(plant: AbstractPlant | None) -> AbstractPlant:
+    return FollowedAtOnce() if plant is None else plant
+
+
+class Vehicle(eqx.Module):
+    """Commands in, motion out: VDM where the actuators follow at once, VDM-SI where they are
+    identified.
+
+    A pytree: differentiate it, batch it, exchange its parts with `eqx.tree_at`. VDM and VDM-SI are
+    the same class, so that comparing them is simulating twice.
+
+    Attributes:
+        bicycle: geometry.
+        powertrain: from velocity command to speed, m/s; `None` follows at once.
+        steering: from steering command to road-wheel angle, rad; `None` follows at once.
+        speed_input: what the bicycle takes from the powertrain. The derivative is the exact one,
+            C(Ax + Bu) and the jumps of a feed-through, so that the two choices differ by nothing
+            but the speed at the start.
+    """
+
+    bicycle: Bicycle
+    powertrain: AbstractPlant = eqx.field(converter=_plant, default=None)
+    steering: AbstractPlant = eqx.field(converter=_plant, default=None)
+    speed_input: SpeedInput = eqx.field(static=True, default=SpeedInput.ACCELERATION)
+
+
+def stack_vehicles(vehicles: Sequence[Vehicle]) -> Vehicle:
+    """One batched vehicle out of many, whatever the orders of their plants.
+
+    Plants are realised at the greatest order among them, and a missing delay or offset becomes
+    zero where another vehicle has one; neither changes a response. The result goes to
+    `simulate_many` or under `jax.vmap`.
+
+    Raises:
+        ValueError: there is none, a plant is not linear, or `speed_input` differs.
+    """
+    if len({vehicle.speed_input for vehicle in vehicles}) != 1:
+        raise ValueError("give at least one vehicle, all with the same speed_input")
+    powertrains = _at_common_order([vehicle.powertrain for vehicle in vehicles])
+    steerings = _at_common_order([vehicle.steering for vehicle in vehicles])
+    parts = [
+        Vehicle(vehicle.bicycle, powertrain, steering, vehicle.speed_input)
+        for vehicle, powertrain, steering in zip(vehicles, powertrains, steerings, strict=True)
+    ]
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *parts)
+
+
+def _at_common_order(plants: Sequence[AbstractPlant]) -> list[LinearPlant]:
+    order = max(plant.to_plant().rest.shape[0] for plant in plants)
+    linear = [plant.to_plant(order) for plant in plants]
+    for name in ("delay", "offset"):
+        if any(getattr(plant, name) is not None for plant in linear):
+            linear = [_with_zero(plant, name) for plant in linear]
+    return linear
+
+
+def _with_zero(plant: LinearPlant, name: str) -> LinearPlant:
+    if getattr(plant, name) is not None:
+        return plant
+    zero = jnp.zeros_like(plant.slowest)
+    return eqx.tree_at(lambda p: getattr(p, name), plant, zero, is_leaf=lambda leaf: leaf is None)
