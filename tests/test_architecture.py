@@ -25,7 +25,7 @@ LAYERS = (
     {"metrics", "scenarios", "control"},
     {"simulate", "sensitivity"},
     {"identify"},
-    {"compare", "sweep", "diagnose"},
+    {"bands", "compare", "correlation", "sweep", "diagnose"},
     {"plots"},
     {"report"},
     {"cli"},

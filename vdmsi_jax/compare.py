@@ -1,0 +1,72 @@
+"""Measured, VDM and VDM-SI side by side: the responses, the path, and where each leaves the
+other."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from .data.record import Record
+
+
+class Score(NamedTuple):
+    """FIT (eq. 3, percent) and MSE (eq. 4, squared unit) of one channel."""
+
+    fit: float
+    mse: float
+
+
+@dataclass(frozen=True)
+class PoseErrors:
+    """How far predicted poses lie from the measured ones.
+
+    Attributes:
+        translation: distance at every sample, m; NaN where there is no prediction.
+        heading: predicted minus measured heading at every sample, rad, wrapped.
+        ate: max, mean and rmse of `translation`, m.
+    """
+
+    translation: Float[np.ndarray, " N"]
+    heading: Float[np.ndarray, " N"]
+    ate: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What one model says about a record, given its commands and its pose at each start.
+
+    Attributes:
+        name: what the model is called: VDM, VDM-SI, extended.
+        status: what the simulation says of itself.
+        channels: predicted samples of each channel, (N,); `x`, `y`, `psi` are the whole run's.
+        scores: per channel that was measured.
+        whole: errors of the run, anchored at the first measured pose of each segment.
+        windows: errors when anchored anew at the measured pose every `Comparison.window` seconds.
+        aligned: max, mean, rmse, m, of the whole run after the best rigid motion onto the measured
+            path.
+    """
+
+    name: str
+    status: str
+    channels: Mapping[str, Float[np.ndarray, " N"]]
+    scores: Mapping[str, Score]
+    whole: PoseErrors | None = None
+    windows: PoseErrors | None = None
+    aligned: Mapping[str, float] | None = None
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The predictions of several models on one record.
+
+    Attributes:
+        record: the measurement.
+        predictions: by the models' names, in the order to be shown.
+        window: length of the windows of `Prediction.windows`, s.
+    """
+
+    record: Record
+    predictions: Mapping[str, Prediction]
+    window: float

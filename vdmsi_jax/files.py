@@ -1,0 +1,102 @@
+"""Writing results: whole or not at all, and JSON that every parser takes."""
+
+import json
+import math
+import os
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .errors import InputError
+
+
+def output_folder(path: str | Path) -> Path:
+    """The folder `path`, made if it is not there.
+
+    Raises:
+        InputError: it cannot be made or written to.
+    """
+    path = Path(path)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path):
+            pass
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise InputError(str(path), "--out", reason, "name a folder that can be written") from None
+    return path
+
+
+def write_text(path: str | Path, text: str) -> Path:
+    """Write a text file (UTF-8) so that a reader or a crash sees the old file or the whole new one.
+
+    The text goes to a temporary file in the same folder, to the disk, and then takes the name in
+    one step of the file system.
+    """
+    path = Path(path)
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(temporary, 0o666 & ~_umask())
+        os.replace(temporary, path)
+    except BaseException:
+        os.unlink(temporary)
+        raise
+    return path
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def write_json(path: str | Path, value: Any) -> Path:
+    """Write `plain(value)` as strict JSON, atomically."""
+    text = json.dumps(plain(value), indent=1, allow_nan=False, ensure_ascii=False)
+    return write_text(path, text + "\n")
+
+
+def read_json(path: str | Path) -> Any:
+    """Read a JSON file.
+
+    Raises:
+        InputError: it is not there, cannot be read, or is no JSON (with line and column).
+    """
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(
+            str(path), "", "there is no such file", "give the path of a file"
+        ) from None
+    except json.JSONDecodeError as error:
+        place = f"line {error.lineno}, column {error.colno}"
+        raise InputError(str(path), place, f"no JSON: {error.msg}", "write the file anew") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(str(path), "", f"cannot be read ({error})", "give a JSON file") from None
+
+
+def plain(value: Any) -> Any:
+    """What JSON can hold of a result: arrays become lists, complex numbers `[re, im]`, and what is
+    not finite becomes None, since JSON has no word for it."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, str | bool | int | None):
+        return value
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    array = np.asarray(value)
+    if array.ndim:
+        return [plain(item) for item in array]
+    scalar = array.item()
+    if isinstance(scalar, complex):
+        return [plain(scalar.real), plain(scalar.imag)]
+    if isinstance(scalar, float):
+        return scalar if math.isfinite(scalar) else None
+    return scalar

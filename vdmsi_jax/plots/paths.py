@@ -1,0 +1,59 @@
+"""Where the vehicle went, where models say it went, and how far apart the two are."""
+
+from matplotlib.figure import Figure
+
+from ..compare import Comparison
+from .signals import with_gaps
+from .style import COLOURS, WIDTH, colour, envelope, legend_above, styled
+
+
+@styled
+def paths(comparison: Comparison) -> Figure:
+    """Measured and predicted paths in the plane, from the same start."""
+    record = comparison.record
+    figure = Figure(figsize=(WIDTH, 4.8))
+    axes = figure.subplots()
+    curves = {"measured": (record["x"], record["y"])} | {
+        name: (prediction.channels["x"], prediction.channels["y"])
+        for name, prediction in comparison.predictions.items()
+        if prediction.whole is not None
+    }
+    for name, (x, y) in curves.items():
+        wide = {"lw": 2.6, "alpha": 0.45} if name == "measured" else {"lw": 1.5}
+        axes.plot(
+            with_gaps(record, x)[1], with_gaps(record, y)[1], color=colour(name), label=name, **wide
+        )
+    starts = [segment.start for segment in record.segments]
+    axes.plot(
+        record["x"][starts], record["y"][starts], "o", color=COLOURS["measured"], mfc="white",
+        ms=6, mew=1.5, label="start", zorder=4,
+    )  # fmt: skip
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("x (m)")
+    axes.set_ylabel("y (m)")
+    axes.set_title("path")
+    legend_above(axes)
+    return figure
+
+
+@styled
+def translation_error(comparison: Comparison) -> Figure:
+    """Distance between predicted and measured position over time: of the whole run, and of windows
+    that start anew at the measured pose."""
+    record = comparison.record
+    figure = Figure(figsize=(WIDTH, 4.4))
+    whole, windows = figure.subplots(2, 1, sharex=True)
+    for name, prediction in comparison.predictions.items():
+        for axes, errors in ((whole, prediction.whole), (windows, prediction.windows)):
+            if errors is not None:
+                t, y = with_gaps(record, errors.translation)
+                label = f"{name}, mean {errors.ate['mean']:.3g} m"
+                axes.plot(*envelope(t, y), color=colour(name), label=label)
+    whole.set_title("from the start of the run")
+    windows.set_title(f"anchored at the measured pose every {comparison.window:g} s")
+    windows.set_xlabel("time t (s)")
+    for axes in (whole, windows):
+        axes.set_ylabel("translation error (m)")
+        axes.set_ylim(bottom=0.0)
+        legend_above(axes)
+    return figure

@@ -1,0 +1,83 @@
+"""Signals over time: what was measured under what a model says."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ..compare import Comparison
+from ..data.record import Record
+from ..identify.result import OrderGrid
+from .style import COLOURS, WIDTH, colour, envelope, legend_above, styled, unit_label
+
+NAMES = {
+    "v": "speed v",
+    "v_cmd": "speed command",
+    "delta": "steering angle δ",
+    "delta_cmd": "steering command",
+    "r": "yaw rate r",
+    "a": "acceleration a",
+    "x": "x",
+    "y": "y",
+    "psi": "heading ψ",
+}
+
+
+def channel_label(record: Record, channel: str) -> str:
+    """Name and unit of a channel for an axis."""
+    return unit_label(NAMES.get(channel, channel), record.units.get(channel, "1"))
+
+
+def with_gaps(record: Record, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Time and values with a NaN after each segment, so that lines do not bridge gaps."""
+    stops = [segment.stop for segment in record.segments[:-1]]
+    return np.insert(record.t, stops, np.nan), np.insert(np.asarray(values, float), stops, np.nan)
+
+
+def line(axes, record: Record, values: np.ndarray, **options) -> None:
+    """Draw samples of a record over its time, gaps left open."""
+    t, y = with_gaps(record, values)
+    axes.plot(*envelope(t, y), **options)
+
+
+@styled
+def fitted(grid: OrderGrid, order: str | None = None) -> Figure:
+    """Command, measured response and free-run simulation of one order; the chosen one by
+    default."""
+    fit = grid.best if order is None else grid[order]
+    record, output, command = grid.record, grid.plant.output, grid.plant.input
+    figure = Figure(figsize=(WIDTH, 3.0))
+    axes = figure.subplots()
+    if record.units.get(command) == record.units.get(output):
+        line(axes, record, record[command], color=COLOURS["command"], lw=1.0, label="command")
+    line(axes, record, record[output], color=COLOURS["measured"], lw=1.0, label="measured")
+    label = f"{fit.order}, FIT {fit.fit:.2f} %"
+    line(axes, record, fit.predicted, color=COLOURS["VDM-SI"], lw=1.5, label=label)
+    axes.set_xlabel("time t (s)")
+    axes.set_ylabel(channel_label(record, output))
+    axes.set_title(grid.plant.name)
+    legend_above(axes)
+    return figure
+
+
+@styled
+def channels(comparison: Comparison) -> Figure:
+    """Every measured channel that a model predicts, over time, with each model's FIT."""
+    record = comparison.record
+    names = [
+        name
+        for name in ("v", "delta", "r", "a", *record.channels)
+        if name not in ("x", "y", "psi")
+        and any(name in prediction.scores for prediction in comparison.predictions.values())
+    ]
+    names = list(dict.fromkeys(names))
+    figure = Figure(figsize=(WIDTH, 0.5 + 2.3 * max(len(names), 1)))
+    every = figure.subplots(max(len(names), 1), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, name in zip(every, names, strict=False):
+        line(axes, record, record[name], color=COLOURS["measured"], lw=1.0, label="measured")
+        for model, prediction in comparison.predictions.items():
+            if name in prediction.scores:
+                label = f"{model}, FIT {prediction.scores[name].fit:.1f} %"
+                line(axes, record, prediction.channels[name], color=colour(model), label=label)
+        axes.set_ylabel(channel_label(record, name))
+        legend_above(axes)
+    every[-1].set_xlabel("time t (s)")
+    return figure

@@ -1,0 +1,147 @@
+"""One look for all figures: colours that the colour-blind can tell apart, and type for report
+width.
+
+Figures are made through matplotlib's objects alone, so that drawing them changes no global state.
+"""
+
+import functools
+import io
+import re
+from collections.abc import Callable
+from typing import ParamSpec
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+P = ParamSpec("P")
+
+INK = "#1b1f24"
+MUTED = "#6b7280"
+GRID = "#e3e6ea"
+
+# Okabe & Ito (2008), with near-black for what was measured.
+COLOURS = {
+    "measured": INK,
+    "command": "#9aa1ab",
+    "VDM": "#d55e00",
+    "VDM-SI": "#0072b2",
+    "extended": "#009e73",
+    "held out": "#cc79a7",
+}
+SPARE = ("#e69f00", "#56b4e9", "#cc79a7", "#009e73", "#d55e00")
+
+WIDTH = 9.0  # inches: the report's text width
+
+_STYLE = {
+    "figure.facecolor": "white",
+    "figure.constrained_layout.use": True,
+    "font.size": 9.0,
+    "axes.titlesize": 10.0,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.titlepad": 8.0,
+    "axes.labelsize": 9.0,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": "#aab0b8",
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.xmargin": 0.01,
+    "grid.color": GRID,
+    "grid.linewidth": 0.7,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "text.color": INK,
+    "lines.linewidth": 1.4,
+    "legend.frameon": False,
+    "legend.fontsize": 9.0,
+    "hatch.linewidth": 0.6,
+    "svg.fonttype": "path",
+}
+
+
+def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
+    """Decorate a function that returns a figure, to draw it in the project's style."""
+
+    @functools.wraps(draw)
+    def drawn(*args: P.args, **kwargs: P.kwargs) -> Figure:
+        with rc_context(_STYLE):
+            return draw(*args, **kwargs)
+
+    return drawn
+
+
+def to_svg(figure: Figure, name: str) -> str:
+    """The figure as an SVG element for an HTML page.
+
+    Args:
+        figure: what to draw.
+        name: unique on the page; it keeps the figure's internal ids apart from those of others.
+    """
+    buffer = io.StringIO()
+    with rc_context(_STYLE | {"svg.hashsalt": name}):
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    svg = buffer.getvalue()
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.S)
+    # Ids that matplotlib numbers or names alike in every figure (groups, glyphs) get the name
+    # before.
+    svg = re.sub(r'\bid="', f'id="{name}-', svg)
+    svg = re.sub(r'(xlink:href="|url\()#', rf"\1#{name}-", svg)
+    return svg
+
+
+def colour(name: str) -> str:
+    """The fixed colour of a model or signal; names without one take a spare."""
+    return COLOURS.get(name) or SPARE[sum(map(ord, name)) % len(SPARE)]
+
+
+def unit_label(quantity: str, unit: str) -> str:
+    """`v (m/s)`; a pure number has no unit to show."""
+    return quantity if unit in ("", "1") else f"{quantity} ({pretty_unit(unit)})"
+
+
+def pretty_unit(unit: str) -> str:
+    """`m/s^2` as `m/s²`."""
+    return unit.replace("^2", "²").replace("^3", "³").replace("*", "·")
+
+
+def squared_unit(unit: str) -> str:
+    """The unit of a variance: `rad^2`, `(m/s)^2`."""
+    return unit if unit in ("", "1") else f"{unit}^2" if unit.isalpha() else f"({unit})^2"
+
+
+def envelope(t: np.ndarray, y: np.ndarray, points: int = 3000) -> tuple[np.ndarray, np.ndarray]:
+    """A line with at most about `points` points that looks like the one given: of every bin of
+    samples its least and its greatest, in their order. NaN breaks the line, as before."""
+    size = len(y) * 2 // points
+    if size < 2:
+        return t, y
+    keep: list[np.ndarray] = []
+    for start in range(0, len(y), size):
+        piece = y[start : start + size]
+        if np.isnan(piece).any():
+            keep.append(np.arange(start, start + len(piece)))
+        else:
+            keep.append(np.unique([start + int(piece.argmin()), start + int(piece.argmax())]))
+    index = np.concatenate(keep)
+    return t[index], y[index]
+
+
+def legend_above(axes: Axes, columns: int = 6, **options) -> None:
+    """A one-line legend between the title and the axes' upper right corner."""
+    axes.legend(
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncols=columns,
+        borderaxespad=0.2,
+        handlelength=1.6,
+        columnspacing=1.4,
+        **options,
+    )
