@@ -1,0 +1,102 @@
+"""The verb: one vehicle or many, one record of commands or many, with the same code."""
+
+import equinox as eqx
+import jax
+from jax import lax
+
+from vdmsi_jax.data.record import Record
+from vdmsi_jax.models.following import FollowedAtOnce
+from vdmsi_jax.models.vehicle import Vehicle
+from vdmsi_jax.simulate._arcs import Arcs
+from vdmsi_jax.simulate._nouns import AbstractMethod, Commands, Start, Trajectory
+from vdmsi_jax.simulate._quadrature import Quadrature
+
+
+def simulate(
+    vehicle: Vehicle,
+    commands: Commands | Record,
+    start: Start | None = None,
+    *,
+    method: AbstractMethod | None = None,
+) -> Trajectory:
+    """Drive `vehicle` by `commands` and say where it goes.
+
+    Compiled at the first call for a length of record and a kind of vehicle. Pure: it runs under
+    `jax.vmap`, and has both modes of differentiation with respect to every number in its arguments
+    (with `Solver`, those that its adjoint has).
+
+    Args:
+        vehicle: VDM or VDM-SI.
+        commands: held between the rows; a record without gaps gives its own.
+        start: state at the first row; at the origin, heading along x, if `None`.
+        method: `Quadrature()`, `Arcs()` or `Solver()`; `None` for the fastest that is exact here,
+            which is `Arcs` where the steering is followed at once and `Quadrature` otherwise.
+
+    Returns:
+        The trajectory at the rows. A failure does not raise; it stands in its `status`.
+
+    Raises:
+        ValueError: the method does not suit the vehicle.
+        InputError: the record has gaps or lacks a command.
+    """
+    if isinstance(commands, Record):
+        commands = Commands.of(commands)
+    if method is None:
+        method = Arcs() if isinstance(vehicle.steering, FollowedAtOnce) else Quadrature()
+    return _run(vehicle, commands, Start() if start is None else start, method)
+
+
+@eqx.filter_jit
+def _run(vehicle: Vehicle, commands: Commands, start: Start, method: AbstractMethod) -> Trajectory:
+    return method(vehicle, commands, start)
+
+
+@eqx.filter_jit
+def simulate_many(
+    vehicles: Vehicle,
+    commands: Commands,
+    start: Start | None = None,
+    *,
+    method: AbstractMethod | None = None,
+    batch_size: int = 50,
+) -> Trajectory:
+    """`simulate` over many vehicles, many records of commands, or both pairwise.
+
+    Whatever has a leading axis is batched, the rest is shared: vehicles by `stack_vehicles` or
+    `eqx.filter_vmap`, commands of the shape `(K, N)`, starts of the shape `(K,)`. Batches of
+    `batch_size` keep the memory small and are faster than one `jax.vmap` over thousands.
+
+    Args:
+        vehicles: one or K.
+        commands: one record or K, of equal length.
+        start: one or K.
+        method: as in `simulate`.
+        batch_size: lanes at once.
+
+    Returns:
+        Trajectories with a leading axis of K.
+
+    Raises:
+        ValueError: nothing is batched, or batches differ in length.
+    """
+    parts = (vehicles, commands, Start() if start is None else start)
+    arrays, static = eqx.partition(parts, eqx.is_array)
+    batched = (
+        jax.tree.map(lambda _: vehicles.bicycle.l_f.ndim > 0, arrays[0]),
+        jax.tree.map(lambda leaf: leaf.ndim > 1, arrays[1]),
+        jax.tree.map_with_path(lambda path, leaf: leaf.ndim > _rank(path), arrays[2]),
+    )
+    mapped, shared = eqx.partition(arrays, batched)
+    lengths = {leaf.shape[0] for leaf in jax.tree.leaves(mapped)}
+    if len(lengths) != 1:
+        raise ValueError(f"vehicles, commands and start need one batch length; got {lengths}")
+
+    def one(lane: tuple) -> Trajectory:
+        return simulate(*eqx.combine(lane, shared, static), method=method)
+
+    return lax.map(one, mapped, batch_size=batch_size)
+
+
+def _rank(path: tuple) -> int:
+    """Dimensions of a leaf of `Start` that is not batched."""
+    return 1 if path[-1].name in ("powertrain", "steering") else 0
