@@ -25,7 +25,7 @@ class Quadrature(AbstractMethod):
     inside a sample: the sample is split there, so that no rule straddles a jump.
 
     Use it for everything smooth; the error is of the order 2 `nodes` in the sample period, and
-    with three nodes far below a nanometre at 100 Hz. `RateLimited` has kinks inside samples and is
+    with three nodes nanometres after 40 s at 100 Hz. `RateLimited` has kinks inside samples and is
     exact under `Arcs` only (here a kink costs about a fiftieth of a millimetre).
     """
 
