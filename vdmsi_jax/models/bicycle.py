@@ -59,6 +59,14 @@ class Bicycle(eqx.Module):
         cosine = 1.0 / jnp.sqrt(1.0 + slope * slope)
         return cosine, slope * cosine, cosine * tangent / self.wheelbase
 
+    def steering_angle(self, curvature: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+        """Road-wheel angle, rad, at which the path has `curvature` (1/m): the inverse of `course`.
+
+        NaN where the centre of gravity cannot turn so sharply (`l_r |curvature| >= 1`).
+        """
+        turning = self.l_r * curvature
+        return jnp.arctan(self.wheelbase * curvature / jnp.sqrt(1.0 - turning * turning))
+
     def yaw_rate(
         self, v: Float[Array, "*batch"], delta: Float[Array, "*batch"]
     ) -> Float[Array, "*batch"]:

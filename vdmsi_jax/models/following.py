@@ -49,7 +49,7 @@ class FollowedAtOnce(AbstractPlant):
         x0: Float[Array, " n"] | None = None,
     ) -> HeldTrace:
         """The command itself. There is no state, and `x0` is ignored."""
-        return HeldTrace(u, jnp.asarray(dt, u.dtype))
+        return HeldTrace(jnp.asarray(u, float), jnp.asarray(dt, float))
 
     def jump(self, dt: float | Float[Array, ""]) -> None:
         """Nothing happens between the rows."""
@@ -109,7 +109,7 @@ class RateLimited(AbstractPlant):
         x0: Float[Array, " n"] | None = None,
     ) -> RampTrace:
         """The ramps. `x0` is the response at the first row, `()` or `(1,)`; `None`: the command."""
-        dt = jnp.asarray(dt, u.dtype)
+        u, dt = jnp.asarray(u, float), jnp.asarray(dt, float)
         reach = self.rate * dt
 
         def approach(y: Array, command: Array) -> tuple[Array, Array]:

@@ -142,9 +142,9 @@ class LinearPlant(AbstractPlant):
             dt: sample period, s.
             x0: state at the first row; `None` for `initial_state`.
         """
+        u, dt = jnp.asarray(u, float), jnp.asarray(dt, float)
         if x0 is None:
             x0 = self.initial_state(u[0], u.shape[0] * dt)
-        dt = jnp.asarray(dt, x0.dtype)
         if self.delay is None:
             lead, following = None, jnp.concatenate([u[1:], u[-1:]])
             Ad, Bd = to_jump, push = self.system.discretise(dt)

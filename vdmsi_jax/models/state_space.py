@@ -138,9 +138,11 @@ def _exponential_minus_identity(M: Float[Array, "m m"]) -> Float[Array, "m m"]:
     squarings = jnp.minimum(squarings, _MAX_SQUARINGS)
     scaled = M * jnp.exp2(-squarings)
     identity = jnp.eye(M.shape[0], dtype=M.dtype)
-    series = scaled / _TAYLOR_DEGREE
-    for k in range(_TAYLOR_DEGREE - 1, 0, -1):
-        series = (scaled / k) @ (identity + series)
+
+    def next_term(i: Array, series: Array) -> Array:
+        return (scaled / (_TAYLOR_DEGREE - 1 - i)) @ (identity + series)
+
+    series = lax.fori_loop(0, _TAYLOR_DEGREE - 1, next_term, scaled / _TAYLOR_DEGREE)
 
     def square(i: Array, grown: Array) -> Array:
         active = i < squarings
@@ -149,4 +151,4 @@ def _exponential_minus_identity(M: Float[Array, "m m"]) -> Float[Array, "m m"]:
         )  # an unused square may overflow and poison the gradient
         return jnp.where(active, 2 * guarded + guarded @ guarded, grown)
 
-    return jax.lax.fori_loop(0, _MAX_SQUARINGS, square, series)
+    return lax.fori_loop(0, _MAX_SQUARINGS, square, series)

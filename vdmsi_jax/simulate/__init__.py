@@ -1,9 +1,9 @@
 """Simulate vehicles: `simulate(vehicle, commands)`, one or many, exactly or with a solver."""
 
+from vdmsi_jax.models.commands import Commands as Commands
 from vdmsi_jax.simulate._arcs import Arcs as Arcs
 from vdmsi_jax.simulate._nouns import RESULTS as RESULTS
 from vdmsi_jax.simulate._nouns import AbstractMethod as AbstractMethod
-from vdmsi_jax.simulate._nouns import Commands as Commands
 from vdmsi_jax.simulate._nouns import Start as Start
 from vdmsi_jax.simulate._nouns import Trajectory as Trajectory
 from vdmsi_jax.simulate._quadrature import Quadrature as Quadrature

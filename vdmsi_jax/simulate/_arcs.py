@@ -3,11 +3,11 @@
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from vdmsi_jax.models.commands import Commands
 from vdmsi_jax.models.following import FollowedAtOnce
 from vdmsi_jax.models.vehicle import Vehicle
 from vdmsi_jax.simulate._nouns import (
     AbstractMethod,
-    Commands,
     Start,
     Trajectory,
     respond,

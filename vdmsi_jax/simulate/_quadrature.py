@@ -6,10 +6,10 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.polynomial import legendre
 
+from vdmsi_jax.models.commands import Commands
 from vdmsi_jax.models.vehicle import Vehicle
 from vdmsi_jax.simulate._nouns import (
     AbstractMethod,
-    Commands,
     Start,
     Trajectory,
     respond,

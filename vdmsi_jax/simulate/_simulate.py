@@ -5,10 +5,11 @@ import jax
 from jax import lax
 
 from vdmsi_jax.data.record import Record
+from vdmsi_jax.models.commands import Commands
 from vdmsi_jax.models.following import FollowedAtOnce
 from vdmsi_jax.models.vehicle import Vehicle
 from vdmsi_jax.simulate._arcs import Arcs
-from vdmsi_jax.simulate._nouns import AbstractMethod, Commands, Start, Trajectory
+from vdmsi_jax.simulate._nouns import AbstractMethod, Start, Trajectory
 from vdmsi_jax.simulate._quadrature import Quadrature
 
 

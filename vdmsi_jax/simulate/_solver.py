@@ -11,12 +11,12 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from vdmsi_jax.models.bicycle import BicycleState
+from vdmsi_jax.models.commands import Commands
 from vdmsi_jax.models.linear_plant import LinearPlant
 from vdmsi_jax.models.vehicle import SpeedInput, Vehicle
 from vdmsi_jax.simulate._nouns import (
     RESULTS,
     AbstractMethod,
-    Commands,
     Start,
     Trajectory,
     finite_or,

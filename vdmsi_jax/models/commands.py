@@ -1,0 +1,44 @@
+"""What a vehicle is told."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from vdmsi_jax.data.record import Record
+from vdmsi_jax.errors import InputError
+
+
+class Commands(eqx.Module):
+    """What a vehicle is told, row by row, each row held until the next.
+
+    Attributes:
+        v_cmd: velocity command, m/s.
+        delta_cmd: steering command, road-wheel angle, rad.
+        dt: sample period, s.
+        t0: time of the first row, s.
+    """
+
+    v_cmd: Float[Array, "*batch N"] = eqx.field(converter=jnp.asarray)
+    delta_cmd: Float[Array, "*batch N"] = eqx.field(converter=jnp.asarray)
+    dt: Float[Array, ""] = eqx.field(converter=jnp.asarray)
+    t0: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.0)
+
+    def __check_init__(self):
+        if self.v_cmd.shape != self.delta_cmd.shape or self.v_cmd.shape[-1] < 2:
+            raise ValueError(
+                "v_cmd and delta_cmd need one shape with at least two rows; "
+                f"got {self.v_cmd.shape} and {self.delta_cmd.shape}"
+            )
+
+    @staticmethod
+    def of(record: Record) -> "Commands":
+        """The commands of a record without gaps.
+
+        Raises:
+            InputError: it has no `v_cmd` or `delta_cmd`, or more than one segment.
+        """
+        if len(record.segments) != 1:
+            problem = f"has {len(record.segments)} segments, and a simulation cannot cross a gap"
+            mend = "simulate record.select([segment]) for each of record.segments"
+            raise InputError(record.name, "segments", problem, mend)
+        return Commands(record["v_cmd"], record["delta_cmd"], record.dt, record.t[0])
