@@ -258,6 +258,8 @@ def derive(
                 f"(slower than {how.min_speed:g} m/s, or turning almost on the spot): interpolated "
                 f"there and marked as not measured"
             )
+        if name in channels.values:
+            channels.told.append(f"{name} was derived, and its column in the log was not used")
         channels.values[name], channels.units[name] = np.array(values), si_symbol(quantity)
         channels.filled.pop(name, None)
         if mask.any():

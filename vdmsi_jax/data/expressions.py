@@ -1,14 +1,15 @@
 """Small expressions that a configuration may hold, evaluated over arrays. Nothing else of Python
 gets through.
 
-Allowed are numbers, texts, names of columns, `+ - * / **`, comparisons, `and`, `or`, `not`,
-parentheses, and the functions in `FUNCTIONS`. The expression is parsed by Python's own parser, and
-every node must be of a kind listed here, so that a configuration from elsewhere can compute but not
-act.
+Allowed are numbers, texts, names of columns (in backquotes where they are no plain words), `+ - * /
+**`, comparisons, `and`, `or`, `not`, parentheses, and the functions in `FUNCTIONS`. The expression
+is parsed by Python's own parser, and every node must be of a kind listed here, so that a
+configuration from elsewhere can compute but not act.
 """
 
 import ast
 import operator
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -45,6 +46,9 @@ _UNARY: dict[type, Callable] = {
 }
 
 
+_LONGEST = 1000  # characters, so that no expression nests deeper than Python's stack
+
+
 @dataclass(frozen=True)
 class Expression:
     """A parsed expression.
@@ -75,7 +79,7 @@ class Expression:
                 problem = f"{name!r} in {self.text!r} is unknown"
                 raise InputError(self.source, self.place, problem, nearest(name, columns))
         try:
-            with np.errstate(divide="ignore", invalid="ignore"):
+            with np.errstate(all="ignore"):
                 return _evaluate(self.tree, columns)
         except (TypeError, ValueError) as error:
             problem = f"{self.text!r} cannot be computed ({error})"
@@ -98,12 +102,24 @@ def parse(text: str, *, source: str, place: str) -> Expression:
     Raises:
         InputError: it is no expression, or uses something that is not allowed.
     """
+    if len(text) > _LONGEST:
+        problem = f"the expression has {len(text)} characters"
+        raise InputError(source, place, problem, f"use at most {_LONGEST}")
+    quoted: dict[str, str] = {}
+
+    def plain(found: re.Match) -> str:
+        quoted[name := f"quoted_{len(quoted)}"] = found.group(1)
+        return name
+
     try:
-        tree = ast.parse(text.strip(), mode="eval").body
+        tree = ast.parse(re.sub(r"`([^`]+)`", plain, text.strip()), mode="eval").body
     except (SyntaxError, ValueError) as error:
         reason = error.msg if isinstance(error, SyntaxError) else error
         mend = 'write it like speed > 2 and phase == "calib"'
         raise InputError(source, place, f"{text!r} is no expression ({reason})", mend) from None
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name):
+            node.id = quoted.get(node.id, node.id)
     names: dict[str, None] = {}
     texts: dict[str, None] = {}
     _check(
@@ -156,7 +172,7 @@ def _evaluate(node: ast.expr, columns: Mapping[str, np.ndarray]) -> Any:
     """The value of a checked tree."""
     match node:
         case ast.Constant(value=value):
-            return value
+            return float(value) if isinstance(value, int) else value
         case ast.Name(id=name):
             return columns[name]
         case ast.BinOp(left=left, op=op, right=right):

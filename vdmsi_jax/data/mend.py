@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..config import CANONICAL, Config
-from ..errors import InputError, nearest
+from ..errors import InputError
 from .resample import sample_period
 
 _SLOWEST, _FASTEST = (
@@ -164,13 +164,6 @@ def unwrap(rows: Rows, config: Config) -> None:
     raw = rows.raw
     for name in config.prepare.unwrap:
         if name not in raw.channels:
-            if name in config.columns:
-                raise InputError(
-                    config.source,
-                    "[prepare] unwrap",
-                    f"no channel {name!r}",
-                    nearest(name, raw.channels),
-                )
             continue
         values, jumps = raw.channels[name].copy(), 0
         for first, last in stretches(rows.fresh):
@@ -230,14 +223,14 @@ def _fill(rows: Rows, name: str, bad: np.ndarray, held: bool, gap: float) -> np.
         if good.size == 0 or holes.size == 0:
             continue
         before = np.searchsorted(good, holes) - 1
-        after = np.minimum(before + 1, good.size - 1)
-        older, newer = good[np.maximum(before, 0)], good[after]
+        after = before + 1
+        older = good[np.maximum(before, 0)]
+        ends = after == good.size
+        end = np.where(ends, t[holes[-1]], t[good[np.minimum(after, good.size - 1)]])
+        short = (before >= 0) & (end - t[older] <= gap) & (held | ~ends)
         if held:
-            short = (before >= 0) & (t[holes] - t[older] <= gap)
             fill = values[rows.index[older]]
         else:
-            inside = (before >= 0) & (newer > holes)
-            short = inside & (t[newer] - t[older] <= gap)
             fill = np.interp(t[holes], t[good], values[rows.index[good]])
         values[rows.index[holes[short]]] = fill[short]
         left[holes[short]] = False

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from ..config import DEFAULT_PLANTS, Config, PlantSpec
+from ..config import CANONICAL, DEFAULT_PLANTS, Config, PlantSpec
 from ..errors import InputError, nearest
 from ..units import si_symbol
 from .derive import Channels, derive
@@ -48,6 +48,12 @@ def prepare(raw: Raw, config: Config) -> Record:
     if n < 2:
         found = "a header and no rows" if n == 0 else "only one row"
         raise InputError(raw.source, "", f"the log has {found}", "give a log with many rows")
+    for key in ("hold", "unwrap"):
+        for name in getattr(config.prepare, key):
+            if name not in raw.channels and name not in CANONICAL:
+                problem = f"there is no channel {name!r}"
+                mend = nearest(name, raw.channels)
+                raise InputError(config.source, f"[prepare] {key}", problem, mend)
     new_run = np.zeros(n, dtype=bool)
     new_run[0] = True
     if raw.run is not None:

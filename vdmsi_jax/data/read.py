@@ -6,7 +6,6 @@ evenly sampled segments of it.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +13,14 @@ import numpy as np
 from ..config import CANONICAL, STEERING_CHANNELS, Config, allowed_quantities, load_config
 from ..errors import InputError, nearest
 from ..units import si_symbol, unit
+from .csv_table import CsvTable
 from .derive import steering_from_curvature
 from .expressions import parse
 from .mend import Raw
+from .npz_table import NpzTable
 from .prepare import prepare
 from .record import Record
-from .table import open_table
+from .table import Table
 
 _CONFIG_NAMES = ("vehicle.toml",)
 
@@ -47,7 +48,7 @@ def read_log(path: str | Path, config: str | Path | Config | None = None) -> Rec
     where = None
     if config.select.where is not None:
         where = parse(config.select.where, source=config.source, place="[select] where")
-    table = open_table(path)
+    table = _open_table(path)
     columns = _columns(config, table.names, path)
     run = columns.pop("run", None)
     texts = ({run} if run else set()) | set(where.texts if where else ())
@@ -97,11 +98,36 @@ def read_logs(
     records = [read_log(file, config) for file in files]
     names = [record.name for record in records]
     return [
-        replace(record, name=f"{file.parent.name}/{record.name}")
+        record.renamed(f"{file.parent.name}/{record.name}")
         if names.count(record.name) > 1
         else record
         for file, record in zip(files, records, strict=True)
     ]
+
+
+def _open_table(path: Path) -> Table:
+    """Open a log by its suffix: `.npz` is NPZ, all else is read as CSV.
+
+    Raises:
+        InputError: it is not there, is a folder, cannot be read, is empty, is no table, or is too
+            large for the memory.
+    """
+    if path.is_dir():
+        raise InputError(str(path), "", "is a folder", "give a CSV or NPZ file in it")
+    if not path.exists():
+        raise InputError(str(path), "", "there is no such file", "check the path of the log")
+    if not path.is_file():
+        raise InputError(str(path), "", "is no regular file", "give a CSV or NPZ file")
+    try:
+        if path.stat().st_size == 0:
+            raise InputError(
+                str(path), "", "the file is empty", "give a header and at least two rows"
+            )
+        return NpzTable(path) if path.suffix.lower() == ".npz" else CsvTable(path)
+    except OSError as error:
+        raise InputError(
+            str(path), "", f"cannot be read ({error.strerror or error})", "check the file"
+        ) from None
 
 
 def _beside(path: Path) -> Path | None:

@@ -15,6 +15,8 @@ from ..units import si_symbol
 from .noise import white_noise_std
 from .segment import Segment, split_blocks, split_runs
 
+_BETWEEN_RECORDS = 1.0  # s of time between joined records
+
 
 @dataclass(frozen=True, eq=False)
 class Record:
@@ -104,6 +106,8 @@ class Record:
             raise InputError(
                 name, "dt", f"{dt} is no sample period", "give seconds, more than zero"
             )
+        if "t" in channels:
+            raise InputError(name, "t", "time is no channel", "give dt and t0 instead")
         arrays = {key: np.asarray(values, dtype=np.float64) for key, values in channels.items()}
         if not arrays:
             raise InputError(
@@ -182,6 +186,13 @@ class Record:
         )
         raise InputError(self.name, f"plant {name}", "there is no such plant", mend)
 
+    def renamed(self, name: str) -> "Record":
+        """The record under another name; a run that bore the old one bears the new one."""
+        segments = tuple(
+            replace(own, run=name) if own.run == self.name else own for own in self.segments
+        )
+        return replace(self, name=name, segments=segments)
+
     def measured(self, channel: str) -> Bool[np.ndarray, " N"]:
         """Mask of the samples that carry a measurement and were not filled in; fits should use only
         these."""
@@ -214,6 +225,10 @@ class Record:
             raise InputError(
                 self.name, "", "nothing is left of the record", "choose a longer stretch"
             )
+        for part in chosen:
+            if not any(own.start <= part.start < part.stop <= own.stop for own in self.segments):
+                problem = f"samples {part.start} to {part.stop} lie in no single segment"
+                raise InputError(self.name, "", problem, "choose parts of record.segments")
         index = np.concatenate([np.arange(segment.start, segment.stop) for segment in chosen])
         edges = np.cumsum([0, *map(len, chosen)])
         return replace(
@@ -229,7 +244,8 @@ class Record:
 
     def between(self, t0: float, t1: float) -> "Record":
         """The part with t0 <= t < t1, s. Raises InputError if no sample lies there."""
-        first, last = np.searchsorted(self.t, [t0, t1])
+        rounding = 1e-6 * self.dt
+        first, last = np.searchsorted(self.t, [t0 - rounding, t1 - rounding])
         return self.select(
             replace(
                 segment, start=max(segment.start, int(first)), stop=min(segment.stop, int(last))
@@ -282,65 +298,60 @@ class Record:
         """Join records of one vehicle, sampled alike, into one whose runs they are.
 
         Only channels that all of them have are kept. Time goes on from one record to the next with
-        a gap of one second. Runs are named `record` or `record/run`.
+        a gap of one second. Runs are named `record` or `record/run`; a record whose name was there
+        before gets a number behind it.
 
         Raises:
-            InputError: no record is given, their sample periods differ, or they have no channel in
-                common.
+            InputError: no record is given, they differ in sample period or vehicle, or they have no
+                channel in common.
         """
         if not records:
-            raise InputError(
-                name or "records", "", "there is no record to join", "give at least one"
-            )
+            raise InputError("records", "", "there is no record to join", "give at least one")
         first = records[0]
-        common = [
-            channel for channel in first.channels if all(channel in record for record in records)
-        ]
-        if not common:
-            raise InputError(
-                first.name, "channels", "the records share none", "give logs with the same channels"
-            )
         for record in records:
             if not np.isclose(record.dt, first.dt, rtol=1e-9):
                 problem = f"sampled every {record.dt:g} s, but {first.name} every {first.dt:g} s"
-                raise InputError(
-                    record.name, "dt", problem, "set the same [prepare] dt for all logs"
-                )
-        segments, times, offset, end = [], [], 0, None
-        for record in records:
-            for segment in record.segments:
-                run = (
-                    record.name
-                    if segment.run in ("", record.name)
-                    else f"{record.name}/{segment.run}"
-                )
-                segments.append(Segment(segment.start + offset, segment.stop + offset, run))
-            shift = 0.0 if end is None else end + 1.0 + first.dt - record.t[0]
-            times.append(record.t + shift)
-            offset, end = offset + record.n, times[-1][-1]
-        incomplete = [
-            channel for channel in common if any(channel in record.filled for record in records)
-        ]
+                mend = "set the same [prepare] dt for all logs"
+                raise InputError(record.name, "dt", problem, mend)
+            if record.vehicle != first.vehicle:
+                problem = f"is another vehicle than that of {first.name}"
+                raise InputError(record.name, "vehicle", problem, "give logs of one vehicle")
+        common = [name for name in first.channels if all(name in record for record in records)]
+        if not common:
+            mend = "give logs with the same channels"
+            raise InputError(first.name, "channels", "the records share none", mend)
+        segments: list[Segment] = []
+        times: list[np.ndarray] = []
+        offset = 0
+        for label, record in zip(_labels(records), records, strict=True):
+            for own in record.segments:
+                run = label if own.run in ("", record.name) else f"{label}/{own.run}"
+                segments.append(Segment(own.start + offset, own.stop + offset, run))
+            after = times[-1][-1] + first.dt + _BETWEEN_RECORDS if times else record.t[0]
+            times.append(record.t - record.t[0] + after)
+            offset += record.n
+        holes = [name for name in common if any(name in record.filled for record in records)]
         return Record(
             name=name or first.name,
             dt=first.dt,
             t=np.concatenate(times),
-            channels={
-                channel: np.concatenate([record[channel] for record in records])
-                for channel in common
-            },
-            units={channel: first.units[channel] for channel in common},
+            channels={k: np.concatenate([record[k] for record in records]) for k in common},
+            units={k: first.units[k] for k in common},
             segments=tuple(segments),
             repairs=tuple(
                 f"{record.name}: {told}" for record in records for told in record.repairs
             ),
             vehicle=first.vehicle,
             plants=tuple(p for p in first.plants if p.input in common and p.output in common),
-            filled={
-                name: np.concatenate([~record.measured(name) for record in records])
-                for name in incomplete
-            },
+            filled={k: np.concatenate([~record.measured(k) for record in records]) for k in holes},
         )
+
+
+def _labels(records: Sequence[Record]) -> list[str]:
+    """The names of the records, numbered where they repeat."""
+    names = [record.name for record in records]
+    repeats = [names[:k].count(name) for k, name in enumerate(names)]
+    return [f"{n} {k + 1}" if k else n for n, k in zip(names, repeats, strict=True)]
 
 
 def _frozen(values, dtype) -> np.ndarray:

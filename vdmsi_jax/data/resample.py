@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-_LOBES = 8  # of the sinc on either side; sets the width of the filter's transition
+_LOBES = 10  # of the sinc on either side; sets the width of the filter's transition
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,223 @@
+"""What is refused, each with one line that names the file, the place and the mend."""
+
+import numpy as np
+import pytest
+
+from small_logs import drive, write_csv
+from vdmsi_jax.config import Config, Prepare, load_config
+from vdmsi_jax.data import Record, check_excitation, read_log, table
+from vdmsi_jax.errors import InputError
+
+
+def changed(name, row, cell):
+    columns = drive()
+    values = list(columns[name])
+    values[row] = cell
+    return columns | {name: values}
+
+
+def without(name):
+    return {key: values for key, values in drive().items() if key != name}
+
+
+COLUMNS = {
+    "missing time": (without("t"), ["column 't'", "is missing", "[columns]"]),
+    "no channel": ({"t": drive()["t"], "speed": drive()["v"]}, ["header", "v_cmd"]),
+    "text": (changed("v", 17, "fast"), ["line 19", "column 'v'", "'fast' is no number"]),
+    "decimal comma": (changed("v", 3, '"1,5"'), ["line 5", "decimal point"]),
+    "empty cell": (changed("v", 17, ""), ["line 19", "column 'v'", "missing"]),
+    "nan": (changed("delta", 0, float("nan")), ["line 2", "column 'delta'", "not finite"]),
+    "infinity": (changed("v", 199, float("-inf")), ["line 201", "column 'v'", "not finite"]),
+    "time missing": (changed("t", 5, ""), ["line 7", "column 't'", "time"]),
+    "time backwards": (changed("t", 100, 0.5), ["line 102", "column 't'", "backwards", "0.99"]),
+    "time twice": (changed("t", 100, 0.99), ["line 102", "twice", 'duplicates = "drop"']),
+    "milliseconds": (
+        drive() | {"t": 1000.0 * drive()["t"]},
+        ["column 't'", "rows are 10 s apart", 't = "ms"'],
+    ),
+    "one row": ({k: v[:1] for k, v in drive().items()}, ["only one row"]),
+    "header only": ({k: v[:0] for k, v in drive().items()}, ["no rows"]),
+    "too short": ({k: v[:5] for k, v in drive().items()}, ["10 samples"]),
+}
+
+
+def refusal(path, config=None) -> str:
+    with pytest.raises(InputError) as caught:
+        read_log(path, config)
+    told = str(caught.value)
+    assert "\n" not in told and "; " in told
+    return told
+
+
+@pytest.mark.parametrize("case", COLUMNS)
+def test_bad_columns(tmp_path, case):
+    columns, parts = COLUMNS[case]
+    path = write_csv(tmp_path / "run.csv", columns)
+    told = refusal(path)
+    assert told.startswith(f"{path}: ")
+    for part in parts:
+        assert part in told
+
+
+FILES = {
+    "empty": (b"", ["is empty"]),
+    "blank": (b"\n\n  \n", ["no header"]),
+    "no header": (b"0.0,1.0,1.0\n0.1,1.0,1.0\n", ["no header"]),
+    "binary": (bytes(range(256)) * 10, ["binary"]),
+    "latin": ("t,v_cmd,v\n0,1,1 \xb0\n".encode("latin-1") * 20, ["UTF-8"]),
+    "ragged, short": (b"t,v_cmd,v\n0,1,1\n0.1,1\n0.2,1,1\n", ["line 3", "2 cells", "3"]),
+    "ragged, long": (b"t,v_cmd,v\n0,1,1\n0.1,1,1,1\n0.2,1,1\n", ["line 3", "4 cells", "3"]),
+    "twins": (b"t,v,v\n0,1,1\n0.1,1,1\n", ["two columns", "'v'"]),
+}
+
+
+@pytest.mark.parametrize("case", FILES)
+def test_bad_files(tmp_path, case):
+    content, parts = FILES[case]
+    path = tmp_path / "run.csv"
+    path.write_bytes(content)
+    told = refusal(path)
+    assert told.startswith(f"{path}: ")
+    for part in parts:
+        assert part in told
+
+
+def test_the_line_is_right_behind_comments_and_blank_lines(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("# a\n\nt,v_cmd,v\n\n0,1,1\n# b\n0.1,1,x\n")
+    assert "line 7, column 'v'" in refusal(path)
+    path.write_text("# a\n\nt,v_cmd,v\n\n0,1,1\n# b\n\n0,1,1\n")
+    assert "line 8, column 't'" in refusal(path)
+
+
+def test_a_bad_cell_deep_in_a_long_file(tmp_path):
+    path = tmp_path / "run.csv"
+    rows = [f"{0.01 * k:.2f},1,{k % 7}" for k in range(50_000)]
+    rows[43_210] = rows[43_210] + "e"
+    path.write_text("t,v_cmd,v\n" + "\n".join(rows))
+    assert "line 43212, column 'v'" in refusal(path)
+
+
+def test_no_file(tmp_path):
+    assert "no such file" in refusal(tmp_path / "absent.csv")
+    assert "is a folder" in refusal(tmp_path)
+
+
+def test_a_column_that_the_configuration_names_is_missing(tmp_path):
+    path = write_csv(tmp_path / "run.csv", drive())
+    (tmp_path / "c.toml").write_text('[columns]\nv = "v_ist"\nr = "delta_"\n')
+    told = refusal(path, tmp_path / "c.toml")
+    assert "column 'v_ist'" in told and "c.toml" in told and "[columns] v" in told
+    (tmp_path / "c.toml").write_text('[columns]\nr = "delt"\n')
+    assert "did you mean 'delta'" in refusal(path, tmp_path / "c.toml")
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("[select]\nwhere = 'phse == 1'", ["[select] where", "'phse'", "no column"]),
+        ("[select]\nwhere = 'v > 100'", ["no row is selected"]),
+        ("[select]\nwhere = 'open(v)'", ["[select] where", "unknown function"]),
+        ("[prepare]\nhold = ['pedal']", ["[prepare] hold", "'pedal'"]),
+        (
+            "[derive]\na = 'acceleration_from_speed'\nz = { expression = 'b', unit = '1' }",
+            ["[derive] z"],
+        ),
+        ("[derive]\nz = { expression = 'v', unit = 'mph/h' }", ["[derive] z unit", "mph/h"]),
+        ("[derive]\nz = { expression = '1 / (v - v)', unit = '1' }", ["[derive] z", "not finite"]),
+        ("[derive]\ndelta = 'steering_from_yaw_rate'", ["[derive] delta", "'r'"]),
+        ("[derive]\nr = 'yaw_rate_from_steering'", ["[derive] r", "wheelbase"]),
+        (
+            "[[plants]]\nname = 'yaw'\ninput = 'delta_cm'\noutput = 'v'",
+            ["[[plants]] yaw", "input", "did you mean 'delta_cmd'"],
+        ),
+    ],
+)
+def test_configurations_that_the_log_cannot_serve(tmp_path, text, parts):
+    path = write_csv(tmp_path / "run.csv", drive())
+    (tmp_path / "c.toml").write_text(text)
+    told = refusal(path, tmp_path / "c.toml")
+    for part in parts:
+        assert part in told
+
+
+def test_seconds_that_are_called_milliseconds(tmp_path):
+    path = write_csv(tmp_path / "run.csv", drive())
+    assert "1e-05 s apart" in refusal(path, Config(units={"t": "ms"}))
+    slow = write_csv(tmp_path / "slow.csv", drive() | {"t": 1000.0 * drive()["t"]})
+    assert read_log(slow, Config(units={"t": "s"})).dt == 10.0
+
+
+NPZ = {
+    "lengths": ({"t": np.arange(20.0), "v": np.zeros(19)}, ["array", "19", "20"]),
+    "shape": ({"t": np.arange(20.0), "v": np.zeros((20, 2))}, ["array 'v'", "(20, 2)"]),
+    "objects": ({"t": np.arange(20.0), "v": np.array([None] * 20)}, ["array 'v'"]),
+    "texts": ({"t": np.arange(20.0), "v": np.array(["a"] * 20)}, ["array 'v'", "numbers"]),
+    "nan": ({"t": 0.1 * np.arange(20), "v": np.full(20, np.nan)}, ["sample 0", "'v'"]),
+}
+
+
+@pytest.mark.parametrize("case", NPZ)
+def test_bad_arrays(tmp_path, case):
+    arrays, parts = NPZ[case]
+    np.savez(tmp_path / "run.npz", **arrays)
+    told = refusal(tmp_path / "run.npz", Config(units={"t": "s"}))
+    for part in parts:
+        assert part in told
+
+
+def test_an_archive_that_is_none(tmp_path):
+    (tmp_path / "run.npz").write_text("t,v\n0,1\n")
+    assert "is no NPZ file" in refusal(tmp_path / "run.npz")
+
+
+def test_a_log_that_is_too_large_is_refused_before_it_is_read(tmp_path, monkeypatch):
+    """10 million rows need 5 GB at 500 bytes a row: with 8 GB free, of which half may be taken."""
+    monkeypatch.setattr(table, "available_memory", lambda: 8_000_000_000)
+    path = tmp_path / "long.csv"
+    row = b"0.010000,1.000000,1.000000\n"
+    with path.open("wb") as file:  # a sparse file: the rows behind the first ones take no space
+        file.write(b"t,v_cmd,v\n" + row * 5000)
+        file.truncate(len(row) * 10_000_000)
+    told = refusal(path)
+    assert "rows would take 5.0 GB" in told and "8.0 GB are free" in told and "cut the log" in told
+    np.savez(tmp_path / "long.npz", t=np.zeros(9_000_000, np.int8))
+    assert "9,000,000 rows" in refusal(tmp_path / "long.npz")
+
+
+def test_the_memory_that_is_free_is_told():
+    assert 1e7 < table.available_memory() < 1e14
+
+
+def made(**channels):
+    return Record.from_arrays(dt=0.1, name="log", **channels)
+
+
+@pytest.mark.parametrize(
+    ("v_cmd", "v", "parts"),
+    [
+        (np.full(9, 0.3), np.arange(9.0), ["v_cmd", "0.3", "9 samples"]),
+        (np.zeros(9), np.arange(9.0), ["v_cmd", "command", "0 in all"]),
+        (np.arange(9.0), np.zeros(9), ["log: v:", "response", "zero"]),
+        (np.arange(9.0), np.full(9, 0.1), ["log: v:", "0.1"]),
+    ],
+)
+def test_nothing_can_be_learnt_without_change(v_cmd, v, parts):
+    record = made(v_cmd=v_cmd, v=v)
+    with pytest.raises(InputError) as caught:
+        check_excitation(record, record.plant("powertrain"))
+    for part in parts:
+        assert part in str(caught.value)
+
+
+def test_a_log_that_moves_passes():
+    record = made(v_cmd=np.arange(9.0), v=np.arange(9.0))
+    check_excitation(record, record.plant("powertrain"))
+
+
+def test_an_unknown_policy_is_refused(tmp_path):
+    (tmp_path / "c.toml").write_text("[prepare]\nmissing = 'ignore'")
+    with pytest.raises(InputError, match="interpolate"):
+        load_config(tmp_path / "c.toml")
+    with pytest.raises(InputError):
+        Prepare(jitter=0.6)

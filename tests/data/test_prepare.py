@@ -1,0 +1,307 @@
+"""From rows to an even grid: gaps, duplicates, missing cells, jitter, thinning out; and that each
+is told."""
+
+import numpy as np
+import pytest
+
+from small_logs import drive, write_csv
+from vdmsi_jax.config import Config, Prepare, Select, load_config
+from vdmsi_jax.data import read_log
+from vdmsi_jax.data.resample import antialias, sample_period
+from vdmsi_jax.errors import InputError
+
+
+def read(tmp_path, columns, **prepare):
+    path = write_csv(tmp_path / "run.csv", columns)
+    return read_log(path, Config(prepare=Prepare(**prepare)))
+
+
+def rows(columns, index):
+    return {name: np.asarray(values)[index] for name, values in columns.items()}
+
+
+def clean(t):
+    """Smooth responses, and commands that jump, as functions of time."""
+    return {
+        "t": t,
+        "v_cmd": np.floor(2.0 * t),
+        "v": 3.0 + np.sin(2.0 * t),
+        "delta": 0.2 * np.cos(3.0 * t),
+    }
+
+
+# ---------------------------------------------------------------- time
+
+
+def test_even_rows_are_taken_as_they_are(tmp_path):
+    log = read(tmp_path, drive())
+    np.testing.assert_array_equal(log["v"], drive()["v"])
+    assert log.repairs == () and len(log.segments) == 1
+
+
+@pytest.mark.parametrize("start", [0.0, -3.0, 1.7e9])
+def test_time_need_not_start_at_zero(tmp_path, start):
+    log = read(tmp_path, drive() | {"t": start + drive()["t"]})
+    assert log.dt == pytest.approx(0.01, rel=1e-9) and log.t[0] == pytest.approx(start)
+    np.testing.assert_array_equal(log["v"], drive()["v"])
+
+
+@pytest.mark.parametrize(
+    ("dt", "decimals"), [(0.0016384, 4), (1 / 60, 3), (1 / 51200, 6), (0.02, 2)]
+)
+def test_rounded_stamps_are_no_jitter(tmp_path, dt, decimals):
+    """Stamps printed with few digits step unevenly, and yet the log is even."""
+    t = dt * np.arange(3000)
+    log = read(tmp_path, clean(t) | {"t": np.round(t, decimals)})
+    assert log.repairs == () and log.n == 3000
+    assert log.dt == pytest.approx(dt, rel=2e-5)  # the digits that are there tell no more
+    np.testing.assert_array_equal(log["v"], clean(t)["v"])
+
+
+def test_stamps_of_six_significant_digits_are_no_jitter(tmp_path):
+    t = 0.0016384 * np.arange(100_000)
+    stamps = np.array([float(f"{x:.6g}") for x in t])
+    log = read(tmp_path, clean(t) | {"t": stamps})
+    assert log.dt == pytest.approx(0.0016384, rel=1e-6) and log.repairs == ()
+
+
+@pytest.mark.parametrize("dropped", [[], [50], [50, 51, 400]])
+def test_the_period_is_found_with_jitter_and_holes(dropped):
+    rng = np.random.default_rng(0)
+    t = np.delete(0.0137 * np.arange(500) + 0.001 * rng.uniform(-1, 1, 500), dropped)
+    fresh = np.arange(t.size) == 0
+    assert sample_period(t, fresh) == pytest.approx(0.0137, rel=1e-3)
+
+
+def test_small_jitter_is_tolerated(tmp_path):
+    t = drive()["t"] + 0.0004 * np.random.default_rng(0).uniform(-1, 1, 200)
+    log = read(tmp_path, drive() | {"t": t})
+    np.testing.assert_array_equal(log["v"], drive()["v"])
+    assert log.repairs == ()
+
+
+def test_uneven_rows_are_resampled_each_channel_by_its_rule(tmp_path):
+    rng = np.random.default_rng(1)
+    t = np.cumsum(rng.uniform(0.006, 0.014, 2000))
+    log = read(tmp_path, clean(t))
+    assert log.dt == 0.01 and "2000 unevenly spaced rows" in log.repairs[0]
+    truth = clean(log.t)
+    # linear interpolation of sin(2 t) between stamps up to h apart is off by h²·2²/8
+    np.testing.assert_allclose(log["v"], truth["v"], atol=0.014**2 * 4 / 8)
+    np.testing.assert_allclose(log["delta"], truth["delta"], atol=0.2 * 0.014**2 * 9 / 8)
+    older = np.searchsorted(t, log.t + 1e-9, side="right") - 1
+    np.testing.assert_array_equal(log["v_cmd"], clean(t)["v_cmd"][older])
+    assert np.all(np.isin(log["v_cmd"], np.unique(clean(t)["v_cmd"])))  # never between two commands
+
+
+def test_a_channel_can_be_held_by_name(tmp_path):
+    t = np.cumsum(np.random.default_rng(1).uniform(0.006, 0.014, 500))
+    columns = {"t": t, "v": np.floor(5 * t), "v_cmd": t}
+    assert np.all(read(tmp_path, columns, hold=("v",))["v"] % 1.0 == 0.0)
+    assert np.any(read(tmp_path, columns)["v"] % 1.0 != 0.0)
+
+
+def test_a_missing_row_is_filled_and_marked(tmp_path):
+    t = 0.01 * np.arange(300)
+    log = read(tmp_path, rows(clean(t), np.delete(np.arange(300), [100, 101])))
+    assert log.n == 300 and len(log.segments) == 1
+    np.testing.assert_allclose(log.t, t, atol=1e-12)
+    assert np.flatnonzero(~log.measured("v")).tolist() == [100, 101]
+    assert log["v_cmd"][100] == clean(t)["v_cmd"][99]
+    assert log["v"][100] == pytest.approx(clean(t)["v"][100], abs=1e-3)
+    assert any("2 samples without a row" in told for told in log.repairs)
+
+
+@pytest.mark.parametrize(("gap", "segments"), [(None, 2), (0.3, 1), (0.05, 2)])
+def test_a_hole_parts_segments(tmp_path, gap, segments):
+    t = np.delete(0.01 * np.arange(400), np.arange(150, 170))
+    log = read(tmp_path, clean(t), gap=gap)
+    assert len(log.segments) == segments
+    if segments == 2:
+        assert [len(s) for s in log.segments] == [150, 230]
+        np.testing.assert_allclose(log.t, t, atol=1e-9)
+        assert "1 holes of more than 0.05 s" in log.repairs[0] and "0.21 s" in log.repairs[0]
+
+
+def test_short_pieces_are_left_out_and_told(tmp_path):
+    keep = np.r_[0:100, 150:155, 200:300]
+    log = read(tmp_path, rows(clean(0.01 * np.arange(300)), keep))
+    assert [len(s) for s in log.segments] == [100, 100]
+    assert any("1 pieces" in told and "(5 rows)" in told for told in log.repairs)
+
+
+def test_warm_up_is_cut_from_every_run(tmp_path):
+    one = clean(0.01 * np.arange(100))
+    columns = {name: np.tile(values, 2) for name, values in one.items()}
+    path = write_csv(tmp_path / "run.csv", columns | {"trial": ["a"] * 100 + ["b"] * 100})
+    log = read_log(path, Config(columns={"run": "trial"}, prepare=Prepare(warm_up=0.2)))
+    assert [len(s) for s in log.segments] == [80, 80]
+    np.testing.assert_array_equal(log.pieces("v")[1], one["v"][20:])
+    assert "the first 0.2 s of every run were cut (40 rows)" in log.repairs
+
+
+def test_duplicates_are_dropped_if_so_configured(tmp_path):
+    columns = rows(drive(), np.repeat(np.arange(200), np.where(np.arange(200) % 50 == 7, 3, 1)))
+    with pytest.raises(InputError, match="twice"):
+        read(tmp_path, columns)
+    log = read(tmp_path, columns, duplicates="drop")
+    np.testing.assert_array_equal(log["v"], drive()["v"])
+    assert len(log.segments) == 1 and "8 rows" in log.repairs[0] and "0.07 s" in log.repairs[0]
+
+
+# ---------------------------------------------------------------- missing cells
+
+
+def with_holes(t, holes):
+    columns = clean(t)
+    for name, index in holes.items():
+        columns[name] = columns[name].copy()
+        columns[name][index] = np.nan
+    return columns
+
+
+def test_missing_cells_become_gaps(tmp_path):
+    t = 0.01 * np.arange(300)
+    log = read(tmp_path, with_holes(t, {"v": [100], "v_cmd": [200, 201]}), missing="gap")
+    assert [len(s) for s in log.segments] == [100, 99, 98]
+    np.testing.assert_allclose(log["v"], np.delete(clean(t)["v"], [100, 200, 201]))
+    assert "3 rows without v_cmd or v were cut out, the first at 1 s" in log.repairs
+
+
+@pytest.mark.parametrize("policy", ["hold", "interpolate"])
+def test_missing_cells_are_filled_by_rule(tmp_path, policy):
+    t = 0.01 * np.arange(300)
+    log = read(tmp_path, with_holes(t, {"v": [100, 101], "v_cmd": [50]}), missing=policy)
+    truth = clean(t)
+    assert len(log.segments) == 1
+    if policy == "hold":
+        np.testing.assert_array_equal(log["v"][100:102], truth["v"][99])
+    else:
+        np.testing.assert_allclose(log["v"][100:102], truth["v"][100:102], atol=1e-3)
+    assert log["v_cmd"][50] == truth["v_cmd"][49] != truth["v_cmd"][50]
+    assert np.flatnonzero(~log.measured("v")).tolist() == [100, 101]
+    assert log.measured("delta").all()
+    assert any("2 missing cells of v" in told and "1 s" in told for told in log.repairs)
+
+
+@pytest.mark.parametrize("policy", ["hold", "interpolate"])
+def test_long_holes_are_not_filled(tmp_path, policy):
+    t = 0.01 * np.arange(300)
+    log = read(tmp_path, with_holes(t, {"v": np.arange(100, 120)}), missing=policy)
+    assert [len(s) for s in log.segments] == [100, 180] and log.measured("v").all()
+
+
+def test_holes_at_the_ends_are_cut(tmp_path):
+    t = 0.01 * np.arange(300)
+    log = read(tmp_path, with_holes(t, {"v": [0, 1, 299]}), missing="interpolate")
+    assert log.n == 297 and log.t[0] == pytest.approx(0.02)
+
+
+def test_a_slow_sensor_in_a_fast_log(tmp_path):
+    """Pose at 20 Hz among rows at 100 Hz: four of five cells are empty."""
+    t = 0.01 * np.arange(500)
+    empty = np.flatnonzero(np.arange(500) % 5)
+    log = read(tmp_path, with_holes(t, {"delta": empty}), missing="interpolate", gap=0.06)
+    assert len(log.segments) == 1 and log.n >= 495
+    np.testing.assert_allclose(log["delta"], clean(log.t)["delta"], atol=0.2 * 0.05**2 * 9 / 8)
+    assert np.count_nonzero(log.measured("delta")) == 100
+
+
+def test_rows_without_time_are_cut_where_gaps_are_allowed(tmp_path):
+    columns = drive()
+    t = columns["t"].copy()
+    t[70] = np.nan
+    log = read(tmp_path, columns | {"t": t}, missing="gap")
+    assert [len(s) for s in log.segments] == [70, 129]
+
+
+def test_no_piece_crosses_what_was_cut(tmp_path):
+    """Whatever is cut out at random, samples inside a segment are neighbours in the log."""
+    rng = np.random.default_rng(5)
+    t = 0.01 * np.arange(2000)
+    bad = rng.choice(2000, 60, replace=False)
+    log = read(tmp_path, with_holes(t, {"v": bad}) | {"a": np.arange(2000.0)}, missing="gap")
+    for piece in log.pieces("a"):
+        assert np.all(np.diff(piece) == 1.0)
+    lost = set(range(2000)) - set(log["a"].astype(int))
+    assert set(bad) <= lost
+    edges = np.sort(np.concatenate([[-1], bad, [2000]]))
+    short = sum(gap - 1 for gap in np.diff(edges) if gap - 1 < 10)
+    assert len(lost) == 60 + short
+
+
+# ---------------------------------------------------------------- selection
+
+
+def test_rows_that_are_not_selected_become_gaps(tmp_path):
+    t = 0.01 * np.arange(300)
+    mode = np.where((t < 1.0) | (t >= 1.5), "auto", "manual")
+    path = write_csv(tmp_path / "run.csv", clean(t) | {"mode": list(mode)})
+    (tmp_path / "c.toml").write_text("[select]\nwhere = 'mode == \"auto\" and v > 0'")
+    log = read_log(path, load_config(tmp_path / "c.toml"))
+    assert [len(s) for s in log.segments] == [100, 150]
+    assert "50 of 300 rows were not selected and became gaps" in log.repairs
+
+
+def test_one_row_that_is_not_selected_is_a_gap(tmp_path):
+    path = write_csv(tmp_path / "run.csv", drive() | {"ok": np.arange(200) != 90})
+    log = read_log(path, Config(select=Select(where="ok == 1")))
+    assert [len(s) for s in log.segments] == [90, 109]
+
+
+def test_time_may_be_bad_where_no_row_is_selected(tmp_path):
+    t = drive()["t"].copy()
+    t[50:60] = 0.0
+    path = write_csv(tmp_path / "run.csv", drive() | {"t": t, "k": np.arange(200.0)})
+    log = read_log(path, Config(select=Select(where="k < 50 or k >= 60")))
+    assert [len(s) for s in log.segments] == [50, 140]
+
+
+# ---------------------------------------------------------------- another period
+
+
+def test_thinning_out_keeps_what_is_slow_and_removes_what_is_fast(tmp_path):
+    t = 0.001 * np.arange(20_000)
+    slow, fast = np.sin(2 * np.pi * 5.0 * t), np.sin(2 * np.pi * 33.0 * t)
+    columns = {"t": t, "v": slow + fast, "v_cmd": np.floor(t), "delta": fast}
+    log = read(tmp_path, columns, dt=0.02)  # new Nyquist frequency 25 Hz
+    assert log.dt == 0.02 and log.n == 1000
+    inside = slice(20, -20)  # the filter reaches 10 samples to either side
+    np.testing.assert_allclose(log["v"][inside], np.sin(2 * np.pi * 5.0 * log.t)[inside], atol=0.01)
+    assert np.abs(log["delta"][inside]).max() < 10 ** (-50 / 20)
+    np.testing.assert_array_equal(log["v_cmd"], np.floor(log.t + 1e-9))
+    assert any(
+        "thinned out from 0.001 to 0.02 s" in told and "25 Hz" in told for told in log.repairs
+    )
+
+
+@pytest.mark.parametrize("every", [2, 5, 10])
+def test_the_filter_is_flat_below_and_closed_above(every):
+    """50 dB down from the new Nyquist frequency on, flat within 1 % to 60 % of it."""
+    pulse = np.zeros(400 * every + 1)
+    pulse[200 * every] = 1.0
+    response = np.abs(np.fft.rfft(antialias(pulse, every), 1 << 15))
+    relative = np.fft.rfftfreq(1 << 15) * 2 * every  # of the new Nyquist frequency
+    np.testing.assert_allclose(response[relative < 0.6], 1.0, atol=0.01)
+    assert response[relative > 1.0].max() < 10 ** (-50 / 20)
+
+
+def test_the_filter_leaves_lines_alone():
+    """No end effect on what moves evenly, and no delay."""
+    line = 3.0 + 0.5 * np.arange(200)
+    np.testing.assert_allclose(antialias(line, 4), line, rtol=1e-12)
+    assert antialias(line, 1) is line
+
+
+def test_a_period_that_is_no_multiple(tmp_path):
+    t = 0.01 * np.arange(1000)
+    log = read(tmp_path, clean(t), dt=0.025)
+    assert log.dt == 0.025 and log.n == pytest.approx(400, abs=1)
+    np.testing.assert_allclose(log["v"][20:-20], clean(log.t)["v"][20:-20], atol=2e-3)
+
+
+def test_a_shorter_period_marks_what_no_row_measured(tmp_path):
+    t = 0.02 * np.arange(200)
+    log = read(tmp_path, clean(t), dt=0.01)
+    assert log.n == 399 and np.count_nonzero(log.measured("v")) == 200
+    np.testing.assert_allclose(log["v"][::2], clean(t)["v"], atol=1e-12)

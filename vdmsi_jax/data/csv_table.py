@@ -1,0 +1,163 @@
+"""CSV files as tables: fast where they are regular, cell by cell where they are not.
+
+The way in is numpy's parser in C. Only where that fails, or where texts are wanted, the file is
+read cell by cell, which also finds the line and column that are at fault.
+"""
+
+import csv
+import itertools
+import warnings
+from collections.abc import Collection, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from .table import Table
+
+_CHUNK = 20_000  # rows that are turned into numbers at once
+_SNIFF = 1 << 16  # bytes that are looked at first
+
+
+class CsvTable(Table):
+    """A CSV file with a header. Comma, semicolon or tab part the cells, whichever the header has
+    most.
+
+    Raises:
+        InputError: binary, no UTF-8, no header, two columns of one name, or too large for the
+            memory.
+    """
+
+    def __init__(self, path: Path):
+        self.path = path
+        with path.open("rb") as file:
+            head = file.read(_SNIFF)
+        if b"\0" in head:
+            raise InputError(
+                str(path), "", "is a binary file", "give CSV text, or an NPZ file named .npz"
+            )
+        try:
+            head.decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            if error.start < len(head) - 4:
+                mend = "save the log as UTF-8 CSV text"
+                raise InputError(
+                    str(path), f"byte {error.start}", "is no UTF-8 text", mend
+                ) from None
+        first = next(
+            (line for line in head.decode("utf-8-sig", "replace").splitlines() if _is_row(line)), ""
+        )
+        self._delimiter = max(",;\t", key=first.count)
+        self._header_line, header = next(self._lines(), (1, []))
+        self.names = [name.strip() for name in header]
+        if not any(self.names) or all(map(_is_number, self.names)):
+            raise InputError(
+                str(path), "", "there is no header", "name the columns in the first line"
+            )
+        for name in self.names:
+            if self.names.count(name) > 1 and name:
+                raise InputError(
+                    str(path), "header", f"two columns are named {name!r}", "rename one of them"
+                )
+        lines = max(head.count(b"\n") - self._header_line, 1)
+        per_row = max((len(head) - len(first)) / lines, 2.0)
+        self.rows = int(path.stat().st_size / per_row)
+        self.refuse_if_too_large()
+
+    def read(self, *, numbers: Collection[str], texts: Collection[str]) -> dict[str, np.ndarray]:
+        columns = None if texts else self._read_fast(sorted(numbers))
+        if columns is None:
+            columns = self._read_any(numbers, texts)
+        self.rows = next(iter(columns.values())).size
+        return columns
+
+    def line(self, row: int) -> str:
+        number = next(itertools.islice(self._lines(), row + 1, None))[0]
+        return f"line {number}"
+
+    def _lines(self) -> Iterator[tuple[int, list[str]]]:
+        """Line number and cells of the header and of every row; blank lines and comments are passed
+        over."""
+        with self.path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
+            reader = csv.reader(file, delimiter=self._delimiter, skipinitialspace=True)
+            try:
+                for cells in reader:
+                    blank = not cells or cells == [""] or cells[0].startswith("#")
+                    if not blank:
+                        yield reader.line_num, cells
+            except csv.Error as error:
+                place, problem = f"line {reader.line_num}", f"is damaged ({error})"
+                raise InputError(str(self.path), place, problem, "mend the file") from None
+
+    def _read_fast(self, names: list[str]) -> dict[str, np.ndarray] | None:
+        """The columns by numpy's parser in C, or None where the file is not as regular as that
+        needs."""
+        with self.path.open("rb") as file:
+            separators = sum(
+                block.count(self._delimiter.encode())
+                for block in iter(lambda: file.read(1 << 22), b"")
+            )
+        try:
+            with warnings.catch_warnings(action="ignore"):  # about a file without rows
+                values = np.loadtxt(
+                    self.path,
+                    delimiter=self._delimiter,
+                    skiprows=self._header_line,
+                    usecols=[self.names.index(name) for name in names],
+                    comments="#",
+                    quotechar='"',
+                    ndmin=2,
+                    encoding="utf-8-sig",
+                )
+        except ValueError:
+            return None
+        if separators != (len(values) + 1) * (len(self.names) - 1):
+            return None
+        return {name: np.ascontiguousarray(values[:, i]) for i, name in enumerate(names)}
+
+    def _read_any(self, numbers: Collection[str], texts: Collection[str]) -> dict[str, np.ndarray]:
+        """The columns cell by cell: texts, empty cells, quotes; and the line and column of what is
+        wrong."""
+        width = len(self.names)
+        parts: dict[str, list[np.ndarray]] = {name: [] for name in (*numbers, *texts)}
+        rows = self._lines()
+        next(rows)
+        while chunk := list(itertools.islice(rows, _CHUNK)):
+            for number, cells in chunk:
+                if len(cells) != width:
+                    problem = f"has {len(cells)} cells, the header has {width}"
+                    raise InputError(
+                        str(self.path), f"line {number}", problem, "mend or delete the line"
+                    )
+            columns = dict(
+                zip(self.names, zip(*(cells for _, cells in chunk), strict=True), strict=True)
+            )
+            for name in texts:
+                parts[name].append(np.array([cell.strip() for cell in columns[name]], dtype=str))
+            for name in numbers:
+                try:
+                    parts[name].append(np.array([float(cell or "nan") for cell in columns[name]]))
+                except ValueError:
+                    self._refuse_text(name, columns[name], [number for number, _ in chunk])
+        return {name: np.concatenate(part) if part else np.empty(0) for name, part in parts.items()}
+
+    def _refuse_text(self, name: str, cells: tuple[str, ...], lines: list[int]) -> None:
+        for number, cell in zip(lines, cells, strict=True):
+            if cell and not _is_number(cell):
+                mend = "mend the cell, or leave it empty"
+                if "," in cell:
+                    mend = "write numbers with a decimal point"
+                place = f"line {number}, column {name!r}"
+                raise InputError(str(self.path), place, f"{cell!r} is no number", mend)
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _is_row(line: str) -> bool:
+    return bool(line.strip()) and not line.startswith("#")

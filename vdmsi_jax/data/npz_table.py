@@ -1,0 +1,74 @@
+"""NPZ files (`numpy.savez`) as tables. Objects in them are never unpickled."""
+
+import zipfile
+from collections.abc import Collection
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from .table import Table
+
+
+class NpzTable(Table):
+    """An NPZ file of one-dimensional arrays.
+
+    Raises:
+        InputError: it is no NPZ file, or too large for the memory.
+    """
+
+    def __init__(self, path: Path):
+        self.path = path
+        try:
+            shapes = {}
+            with zipfile.ZipFile(path) as archive:
+                for entry in archive.namelist():
+                    with archive.open(entry) as file:
+                        version = np.lib.format.read_magic(file)
+                        read_header = (
+                            np.lib.format.read_array_header_1_0
+                            if version == (1, 0)
+                            else np.lib.format.read_array_header_2_0
+                        )
+                        shapes[entry.removesuffix(".npy")] = read_header(file)[0]
+        except (zipfile.BadZipFile, ValueError) as error:
+            mend = "save it with numpy.savez(path, t=..., v=...)"
+            raise InputError(str(path), "", f"is no NPZ file ({error})", mend) from None
+        self._shapes = shapes
+        self.names = list(shapes)
+        self.rows = max((int(np.prod(shape)) for shape in shapes.values()), default=0)
+        self.refuse_if_too_large()
+
+    def read(self, *, numbers: Collection[str], texts: Collection[str]) -> dict[str, np.ndarray]:
+        columns = {}
+        with np.load(self.path, allow_pickle=False) as archive:
+            for name in (*numbers, *texts):
+                try:
+                    columns[name] = archive[name].astype(np.float64 if name in numbers else str)
+                except (ValueError, TypeError) as error:
+                    raise InputError(
+                        str(self.path),
+                        f"array {name!r}",
+                        f"cannot be read as numbers ({error})",
+                        "save plain numbers",
+                    ) from None
+                if columns[name].ndim != 1:
+                    shape = columns[name].shape
+                    raise InputError(
+                        str(self.path),
+                        f"array {name!r}",
+                        f"has the shape {shape}",
+                        "save one-dimensional arrays",
+                    )
+        first = next(iter(columns))
+        for name, values in columns.items():
+            if values.size != columns[first].size:
+                problem = f"has {values.size} samples, {first!r} has {columns[first].size}"
+                raise InputError(
+                    str(self.path), f"array {name!r}", problem, "save arrays of equal length"
+                )
+        self.rows = columns[first].size
+        return columns
+
+    def line(self, row: int) -> str:
+        return f"sample {row}"
