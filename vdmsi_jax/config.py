@@ -60,24 +60,14 @@ class VehicleGeometry:
     def __post_init__(self):
         for name in ("l_f", "l_r"):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise InputError(
-                    "VehicleGeometry", name, f"{value} is no distance", "give metres, zero or more"
-                )
-        if not self.wheelbase > 0.0:
-            raise InputError(
-                "VehicleGeometry",
-                "l_f",
-                "the wheelbase l_f + l_r is zero",
-                "give the axle distances in m",
-            )
-        if (self.reference_point == "sensor") != (self.lever_arm is not None):
-            raise InputError(
-                "VehicleGeometry",
-                "lever_arm",
-                f"does not go with reference_point = {self.reference_point!r}",
-                'give lever_arm (m ahead of the c.g.) with "sensor", and only then',
-            )
+            fine = math.isfinite(value) and value >= 0.0
+            _require(fine, self, name, f"{value} is no distance", "give metres, zero or more")
+        problem = "the wheelbase l_f + l_r is zero"
+        _require(self.wheelbase > 0.0, self, "l_f", problem, "give the distances in metres")
+        fine = (self.reference_point == "sensor") == (self.lever_arm is not None)
+        problem = f"does not go with reference_point = {self.reference_point!r}"
+        mend = 'give it (m ahead of the centre of gravity) with "sensor", and only then'
+        _require(fine, self, "lever_arm", problem, mend)
 
     @property
     def wheelbase(self) -> float:
@@ -164,31 +154,15 @@ class Prepare:
     def __post_init__(self):
         for name in ("dt", "gap"):
             value = getattr(self, name)
-            if value is not None and not (math.isfinite(value) and value > 0.0):
-                raise InputError(
-                    "[prepare]", name, f"{value} is no duration", "give seconds, more than zero"
-                )
-        if not 0.0 < self.jitter < 0.5:
-            raise InputError(
-                "[prepare]",
-                "jitter",
-                f"{self.jitter} is out of range",
-                "give a share between 0 and 0.5",
-            )
-        if not (math.isfinite(self.warm_up) and self.warm_up >= 0.0):
-            raise InputError(
-                "[prepare]",
-                "warm_up",
-                f"{self.warm_up} is no duration",
-                "give seconds, zero or more",
-            )
-        if self.min_segment < 2:
-            raise InputError(
-                "[prepare]",
-                "min_segment",
-                f"{self.min_segment} is too few",
-                "give 2 samples or more",
-            )
+            fine = value is None or (math.isfinite(value) and value > 0.0)
+            _require(fine, self, name, f"{value} is no duration", "give seconds, more than zero")
+        problem = f"{self.jitter} is out of range"
+        _require(0 < self.jitter < 0.5, self, "jitter", problem, "give a share, 0 to 0.5")
+        fine = math.isfinite(self.warm_up) and self.warm_up >= 0.0
+        problem = f"{self.warm_up} is no duration"
+        _require(fine, self, "warm_up", problem, "give seconds, zero or more")
+        problem = f"{self.min_segment} is too few"
+        _require(self.min_segment >= 2, self, "min_segment", problem, "give 2 or more")
 
 
 RULES = (
@@ -228,28 +202,16 @@ class Derivation:
     window: float | None = None
 
     def __post_init__(self):
-        if (self.rule is None) == (self.expression is None):
-            raise InputError(
-                "[derive]",
-                "",
-                "needs either a rule or an expression",
-                f"rules are {', '.join(RULES)}",
-            )
-        if self.rule is not None and self.rule not in RULES:
-            raise InputError(
-                "[derive]", "rule", f"unknown rule {self.rule!r}", nearest(self.rule, RULES)
-            )
-        if self.expression is not None and self.unit is None:
-            raise InputError(
-                "[derive]",
-                "unit",
-                "missing",
-                'give the unit of the expression, such as unit = "rad/s"',
-            )
-        if not self.min_speed > 0.0:
-            raise InputError(
-                "[derive]", "min_speed", f"{self.min_speed} is no limit", "give m/s, more than zero"
-            )
+        fine = (self.rule is None) != (self.expression is None)
+        mend = f"rules are {', '.join(RULES)}"
+        _require(fine, self, "", "needs either a rule or an expression", mend)
+        fine = self.rule is None or self.rule in RULES
+        problem = f"unknown rule {self.rule!r}"
+        _require(fine, self, "rule", problem, nearest(self.rule or "", RULES))
+        fine = self.expression is None or self.unit is not None
+        _require(fine, self, "unit", "missing", 'give that of the expression, as unit = "rad/s"')
+        problem = f"{self.min_speed} is no limit"
+        _require(self.min_speed > 0.0, self, "min_speed", problem, "give m/s, more than zero")
 
 
 @dataclass(frozen=True)
@@ -279,28 +241,15 @@ class IdentifyOptions:
     def __post_init__(self):
         for name, allowed in (("poles", range(1, 6)), ("zeros", range(6))):
             given = getattr(self, name)
-            if not given or not set(given) <= set(allowed):
-                raise InputError(
-                    "[identify]",
-                    name,
-                    f"{list(given)} is out of range",
-                    f"choose from {list(allowed)}",
-                )
-        if not 0.0 <= self.held_out < 1.0:
-            raise InputError(
-                "[identify]",
-                "held_out",
-                f"{self.held_out} is no share",
-                "give a number from 0 to below 1",
-            )
-        if not isinstance(self.delay, bool) and not self.delay > 0.0:
-            raise InputError(
-                "[identify]", "delay", f"{self.delay} is no bound", "give true, false, or seconds"
-            )
-        if not self.fit_loss >= 0.0:
-            raise InputError(
-                "[identify]", "fit_loss", f"{self.fit_loss} is negative", "give points of FIT"
-            )
+            problem = f"{list(given)} is out of range"
+            fine = len(given) > 0 and set(given) <= set(allowed)
+            _require(fine, self, name, problem, f"choose from {list(allowed)}")
+        problem = f"{self.held_out} is no share"
+        _require(0 <= self.held_out < 1, self, "held_out", problem, "give a number from 0 to 1")
+        problem = f"{self.delay} is no bound"
+        _require(self.delay is False or self.delay > 0, self, "delay", problem, "give seconds")
+        problem = f"{self.fit_loss} is negative"
+        _require(self.fit_loss >= 0.0, self, "fit_loss", problem, "give points of FIT")
 
 
 @dataclass(frozen=True)
@@ -364,34 +313,28 @@ class Config:
         known = {*CANONICAL, *self.columns}
         for table in ("units", "sign"):
             for channel in getattr(self, table):
-                if channel not in known:
-                    raise InputError(
-                        "Config", f"[{table}] {channel}", "no such channel", nearest(channel, known)
-                    )
+                place = f"[{table}] {channel}"
+                mend = nearest(channel, known)
+                _require(channel in known, self, place, "no such channel", mend)
         for channel, name in self.units.items():
-            unit(
-                name,
-                source="Config",
-                place=f"[units] {channel}",
-                quantities=allowed_quantities(channel),
-            )
+            quantities = allowed_quantities(channel)
+            unit(name, source="Config", place=f"[units] {channel}", quantities=quantities)
         for channel, factor in self.sign.items():
-            if factor not in (1.0, -1.0):
-                raise InputError(
-                    "Config", f"[sign] {channel}", f"{factor} is no sign", "give 1 or -1"
-                )
-        if len({plant.name for plant in self.plants}) < len(self.plants):
-            raise InputError(
-                "Config",
-                "[[plants]] name",
-                "two plants have one name",
-                "name each plant differently",
-            )
+            problem = f"{factor} is no sign"
+            _require(factor in (1, -1), self, f"[sign] {channel}", problem, "give 1 or -1")
+        fine = len({plant.name for plant in self.plants}) == len(self.plants)
+        _require(fine, self, "[[plants]] name", "two plants have one name", "rename one of them")
 
     @property
     def source(self) -> str:
         """The file's path for messages, or `configuration` where there is none."""
         return str(self.path) if self.path else "configuration"
+
+
+def _require(fine: bool, owner: object, field: str, problem: str, mend: str) -> None:
+    """Refuse the field of a dataclass unless it is fine."""
+    if not fine:
+        raise InputError(type(owner).__name__, field, problem, mend)
 
 
 def allowed_quantities(channel: str) -> tuple[str, ...]:

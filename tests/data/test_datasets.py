@@ -127,6 +127,27 @@ def test_the_published_floor_comes_out_of_the_channels(name, log, plant, pair):
     assert found == pytest.approx(floor["fit_percent"], abs=1.0)
 
 
+def test_the_floor_of_the_runs_from_standstill():
+    """The README's mean FIT over 15 starts is 92.6, each with a lag and a delay of its own.
+
+    The median stands for it here: in two of the runs the speed jumps at the start, and their FIT
+    depends on the initial state, which this floor model does not have.
+    """
+    path, config = locate("f1tenth_mocap", "runs.csv")
+    record = read_log(path, config.with_name("f1tenth_mocap_starts.toml"))
+    assert len(record.runs) == 15 and all(v[0] < 0.05 for v in record.pieces("v"))
+    plant = record.plant("powertrain")
+    fits = [
+        max(
+            first_order_fit(record.select([run]), plant, tau, delay)
+            for tau in (0.09, 0.11, 0.13)
+            for delay in (0.1, 0.1125, 0.125, 0.1375)
+        )
+        for run in record.segments
+    ]
+    assert np.median(fits) == pytest.approx(92.6, abs=1.0)
+
+
 def test_a_log_that_is_not_here_says_where_to_get_it(tmp_path, monkeypatch):
     monkeypatch.setenv("VDMSI_DATA", str(tmp_path))
     with pytest.raises(InputError) as caught:

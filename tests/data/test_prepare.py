@@ -109,7 +109,7 @@ def test_a_missing_row_is_filled_and_marked(tmp_path):
     assert np.flatnonzero(~log.measured("v")).tolist() == [100, 101]
     assert log["v_cmd"][100] == clean(t)["v_cmd"][99]
     assert log["v"][100] == pytest.approx(clean(t)["v"][100], abs=1e-3)
-    assert any("2 samples without a row" in told for told in log.repairs)
+    assert any("filled in 2 samples for which the log has no row" in told for told in log.repairs)
 
 
 @pytest.mark.parametrize(("gap", "segments"), [(None, 2), (0.3, 1), (0.05, 2)])
@@ -120,14 +120,14 @@ def test_a_hole_parts_segments(tmp_path, gap, segments):
     if segments == 2:
         assert [len(s) for s in log.segments] == [150, 230]
         np.testing.assert_allclose(log.t, t, atol=1e-9)
-        assert "1 holes of more than 0.05 s" in log.repairs[0] and "0.21 s" in log.repairs[0]
+        assert "1 hole of more than 0.05 s" in log.repairs[0] and "0.21 s" in log.repairs[0]
 
 
 def test_short_pieces_are_left_out_and_told(tmp_path):
     keep = np.r_[0:100, 150:155, 200:300]
     log = read(tmp_path, rows(clean(0.01 * np.arange(300)), keep))
     assert [len(s) for s in log.segments] == [100, 100]
-    assert any("1 pieces" in told and "(5 rows)" in told for told in log.repairs)
+    assert any("1 piece between" in told and "(5 rows)" in told for told in log.repairs)
 
 
 def test_warm_up_is_cut_from_every_run(tmp_path):
@@ -137,7 +137,7 @@ def test_warm_up_is_cut_from_every_run(tmp_path):
     log = read_log(path, Config(columns={"run": "trial"}, prepare=Prepare(warm_up=0.2)))
     assert [len(s) for s in log.segments] == [80, 80]
     np.testing.assert_array_equal(log.pieces("v")[1], one["v"][20:])
-    assert "the first 0.2 s of every run were cut (40 rows)" in log.repairs
+    assert "cut off the first 0.2 s of every run (40 rows)" in log.repairs
 
 
 def test_duplicates_are_dropped_if_so_configured(tmp_path):
@@ -165,7 +165,7 @@ def test_missing_cells_become_gaps(tmp_path):
     log = read(tmp_path, with_holes(t, {"v": [100], "v_cmd": [200, 201]}), missing="gap")
     assert [len(s) for s in log.segments] == [100, 99, 98]
     np.testing.assert_allclose(log["v"], np.delete(clean(t)["v"], [100, 200, 201]))
-    assert "3 rows without v_cmd or v were cut out, the first at 1 s" in log.repairs
+    assert "cut out 3 rows without v_cmd or v, the first at 1 s" in log.repairs
 
 
 @pytest.mark.parametrize("policy", ["hold", "interpolate"])
@@ -181,7 +181,9 @@ def test_missing_cells_are_filled_by_rule(tmp_path, policy):
     assert log["v_cmd"][50] == truth["v_cmd"][49] != truth["v_cmd"][50]
     assert np.flatnonzero(~log.measured("v")).tolist() == [100, 101]
     assert log.measured("delta").all()
-    assert any("2 missing cells of v" in told and "1 s" in told for told in log.repairs)
+    assert any(
+        "filled in 2 missing cells of v" in told and "at 1 s" in told for told in log.repairs
+    )
 
 
 @pytest.mark.parametrize("policy", ["hold", "interpolate"])
@@ -240,7 +242,7 @@ def test_rows_that_are_not_selected_become_gaps(tmp_path):
     (tmp_path / "c.toml").write_text("[select]\nwhere = 'mode == \"auto\" and v > 0'")
     log = read_log(path, load_config(tmp_path / "c.toml"))
     assert [len(s) for s in log.segments] == [100, 150]
-    assert "50 of 300 rows were not selected and became gaps" in log.repairs
+    assert "left out 50 of 300 rows that [select] does not choose" in log.repairs
 
 
 def test_one_row_that_is_not_selected_is_a_gap(tmp_path):

@@ -123,7 +123,7 @@ def test_headings_are_unwrapped(tmp_path):
     wrapped = (true + np.pi) % (2 * np.pi) - np.pi
     log = read_log(write_csv(tmp_path / "run.csv", drive() | {"psi": wrapped}))
     np.testing.assert_allclose(log["psi"], true, atol=1e-12)
-    assert log.repairs == ("psi was unwrapped at 3 jumps",)
+    assert log.repairs == ("unwrapped psi at 3 jumps",)
     smooth = read_log(write_csv(tmp_path / "run.csv", drive() | {"psi": true}))
     np.testing.assert_array_equal(smooth["psi"], true)
     assert smooth.repairs == ()
@@ -178,7 +178,7 @@ def test_runs_are_told_apart_by_their_column(tmp_path):
     log = read_log(path, configured(tmp_path, '[columns]\nrun = "trial"'))
     assert log.runs == ("a", "b", "c") and [len(s) for s in log.segments] == [100] * 3
     assert np.all(np.diff(log.t) > 0.0)
-    assert "the clock starts anew in 2 runs" in log.repairs[0]
+    assert "laid 2 runs whose clock starts anew" in log.repairs[0]
     for piece in log.pieces("v"):
         np.testing.assert_array_equal(piece, one["v"])
 

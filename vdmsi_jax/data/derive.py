@@ -254,12 +254,12 @@ def derive(
             values = _fill(values, known, channels, log, place, how)
             mask |= ~known
             channels.told.append(
-                f"{name} cannot be told in {np.count_nonzero(~known)} of {known.size} samples "
-                f"(slower than {how.min_speed:g} m/s, or turning almost on the spot): interpolated "
-                f"there and marked as not measured"
+                f"interpolated {name} in {np.count_nonzero(~known)} of {known.size} samples in "
+                f"which it cannot be told (slower than {how.min_speed:g} m/s, or turning almost on "
+                f"the spot), and marked them as not measured"
             )
         if name in channels.values:
-            channels.told.append(f"{name} was derived, and its column in the log was not used")
+            channels.told.append(f"derived {name} in place of its column in the log")
         channels.values[name], channels.units[name] = np.array(values), si_symbol(quantity)
         channels.filled.pop(name, None)
         if mask.any():

@@ -71,17 +71,11 @@ class Rows:
 
     def cut(self, drop: np.ndarray, *, gap: bool) -> None:
         """Leave rows out; with `gap`, what follows them starts a new piece."""
-        fresh = self.fresh.copy()
-        after = np.flatnonzero(drop & (gap | fresh)) + 1
-        while after.size:  # the mark moves on to the first row that stays
-            after = after[after < drop.size]
-            fresh[after] = True
-            after = after[drop[after]] + 1
         keep = ~drop
-        self.index, self.fresh = self.index[keep], fresh[keep]
+        starts = np.cumsum(self.fresh | (drop & gap))
+        self.fresh = np.diff(starts[keep], prepend=-1) > 0
+        self.index = self.index[keep]
         self.filled = {name: mask[keep] for name, mask in self.filled.items()}
-        if self.index.size:
-            self.fresh[0] = True
 
 
 def select_rows(rows: Rows) -> None:
@@ -96,7 +90,7 @@ def select_rows(rows: Rows) -> None:
     if drop.any():
         rows.cut(drop, gap=True)
         rows.told.append(
-            f"{np.count_nonzero(drop)} of {drop.size} rows were not selected and became gaps"
+            f"left out {np.count_nonzero(drop)} of {drop.size} rows that [select] does not choose"
         )
 
 
@@ -111,7 +105,7 @@ def check_time(rows: Rows, config: Config) -> None:
         if config.prepare.missing == "refuse":
             mend = 'mend the cell, or set [prepare] missing = "gap"'
             raise InputError(raw.source, place(k), "the time is missing or not finite", mend)
-        rows.told.append(f"{np.count_nonzero(bad)} rows without a time were left out")
+        rows.told.append(f"left out {counted(bad, 'row')} without a time")
         rows.cut(bad, gap=True)
     step = np.diff(rows.t, prepend=-np.inf)
     back = ~rows.fresh & (step < 0.0)
@@ -129,8 +123,8 @@ def check_time(rows: Rows, config: Config) -> None:
             mend = 'delete the rows, or set [prepare] duplicates = "drop"'
             raise InputError(raw.source, place(k), problem, mend)
         rows.told.append(
-            f"{np.count_nonzero(twice)} rows with the time of the row before were left out, "
-            f"the first at {rows.t[k]:g} s"
+            f"left out {counted(twice, 'row')} with the time of the row before, the first at "
+            f"{rows.t[k]:g} s"
         )
         rows.cut(twice, gap=False)
 
@@ -174,7 +168,7 @@ def unwrap(rows: Rows, config: Config) -> None:
             values[index] = smooth
         if jumps:
             raw.channels[name] = values
-            rows.told.append(f"{name} was unwrapped at {jumps} jumps")
+            rows.told.append(f"unwrapped {name} at {counted(int(jumps), 'jump')}")
 
 
 def mend_missing(rows: Rows, config: Config, gap: float) -> None:
@@ -194,10 +188,12 @@ def mend_missing(rows: Rows, config: Config, gap: float) -> None:
         if policy != "gap":
             held = policy == "hold" or is_held(name, config)
             stay = _fill(rows, name, bad, held, gap)
-            if filled := np.count_nonzero(bad & ~stay):
-                how = "held from the last value" if held else "interpolated"
+            filled = bad & ~stay
+            if filled.any():
+                how = "held" if held else "interpolated"
                 rows.told.append(
-                    f"{filled} missing cells of {name} were {how}, the first at {rows.t[k]:g} s"
+                    f"filled in {counted(filled, 'missing cell')} of {name} ({how}), the first at "
+                    f"{rows.t[np.argmax(filled)]:g} s"
                 )
             bad = stay
         if bad.any():
@@ -206,8 +202,8 @@ def mend_missing(rows: Rows, config: Config, gap: float) -> None:
     if without:
         k = int(np.flatnonzero(lost)[0])
         rows.told.append(
-            f"{np.count_nonzero(lost)} rows without {' or '.join(without)} were cut out, the first "
-            f"at {rows.t[k]:g} s"
+            f"cut out {counted(lost, 'row')} without {' or '.join(without)}, the first at "
+            f"{rows.t[k]:g} s"
         )
         rows.cut(lost, gap=True)
 
@@ -247,9 +243,7 @@ def cut_warm_up(rows: Rows, config: Config) -> None:
     start = np.concatenate([[True], labels[1:] != labels[:-1]])
     begin = rows.t[np.flatnonzero(start)][np.cumsum(start) - 1]
     drop = rows.t - begin < warm_up
-    rows.told.append(
-        f"the first {warm_up:g} s of every run were cut ({np.count_nonzero(drop)} rows)"
-    )
+    rows.told.append(f"cut off the first {warm_up:g} s of every run ({counted(drop, 'row')})")
     rows.cut(drop, gap=True)
 
 
@@ -259,10 +253,16 @@ def cut_gaps(rows: Rows, gap: float) -> None:
     if wide.any():
         k = int(np.flatnonzero(wide)[0])
         rows.told.append(
-            f"{np.count_nonzero(wide)} holes of more than {gap:g} s between rows became gaps, the "
-            f"longest of {step[wide].max():g} s, the first at {rows.t[k - 1]:g} s"
+            f"ended segments at {counted(wide, 'hole')} of more than {gap:g} s between rows: the "
+            f"longest lasts {step[wide].max():.3g} s, the first begins at {rows.t[k - 1]:g} s"
         )
         rows.fresh |= wide
+
+
+def counted(what: np.ndarray | int, noun: str) -> str:
+    """How many, with the noun in its number: `1 row`, `3 rows`. A mask counts its true entries."""
+    count = int(np.count_nonzero(what)) if isinstance(what, np.ndarray) else int(what)
+    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def stretches(fresh: np.ndarray) -> list[tuple[int, int]]:

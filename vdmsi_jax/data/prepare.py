@@ -16,6 +16,7 @@ from .mend import (
     Raw,
     Rows,
     check_time,
+    counted,
     cut_gaps,
     cut_warm_up,
     is_held,
@@ -137,8 +138,8 @@ def _grids(rows: Rows, config: Config, period: float) -> tuple[list[slice], list
     if len(long) < len(grids):
         lost = rows.index.size - sum(grids[k].position.size for k in long)
         rows.told.append(
-            f"{len(grids) - len(long)} pieces between gaps have less than {enough} samples and "
-            f"were left out ({lost} rows)"
+            f"left out {counted(len(grids) - len(long), 'piece')} between gaps with less than "
+            f"{enough} samples ({counted(lost, 'row')})"
         )
     return [pieces[k] for k in long], [grids[k] for k in long], dt
 
@@ -148,8 +149,8 @@ def _tell_sampling(rows: Rows, grids: list[Grid], period: float, dt: float) -> N
     if uneven:
         steps = np.concatenate([np.diff(grid.position) * grid.step for grid in uneven])
         rows.told.append(
-            f"{sum(grid.position.size for grid in uneven)} unevenly spaced rows (steps of "
-            f"{steps.min():.3g} to {steps.max():.3g} s) were resampled to "
+            f"resampled {sum(grid.position.size for grid in uneven)} unevenly spaced rows (steps "
+            f"of {steps.min():.3g} to {steps.max():.3g} s) to "
             f"{sum(grid.samples for grid in uneven)} samples at {dt:g} s: commands held, "
             f"measurements interpolated"
         )
@@ -158,9 +159,10 @@ def _tell_sampling(rows: Rows, grids: list[Grid], period: float, dt: float) -> N
             f"thinned out from {period:g} to {dt:g} s: measurements were low-passed below "
             f"{0.5 / dt:g} Hz first, commands held"
         )
-    if absent := sum(np.count_nonzero(grid.absent) for grid in grids):
+    if absent := sum(int(grid.absent.sum()) for grid in grids):
         rows.told.append(
-            f"{absent} samples without a row were filled in and marked as not measured"
+            f"filled in {counted(absent, 'sample')} for which the log has no row, and marked them "
+            f"as not measured"
         )
 
 
@@ -177,7 +179,7 @@ def _lay_out(grids: list[Grid], runs: list[str], dt: float, told: list[str]) -> 
             shift = start - grid.start
         parts.append(start + dt * np.arange(grid.samples))
     if moved:
-        told.append(f"the clock starts anew in {moved} runs, which were laid one after another")
+        told.append(f"laid {counted(moved, 'run')} whose clock starts anew behind the run before")
     return np.concatenate(parts)
 
 

@@ -5,7 +5,7 @@ read before it fills the memory, turn units into SI, and hand the table to `prep
 evenly sampled segments of it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from ..errors import InputError, nearest
 from ..units import si_symbol, unit
 from .csv_table import CsvTable
 from .derive import steering_from_curvature
-from .expressions import parse
+from .expressions import Expression, parse
 from .mend import Raw
 from .npz_table import NpzTable
 from .prepare import prepare
@@ -45,21 +45,16 @@ def read_log(path: str | Path, config: str | Path | Config | None = None) -> Rec
     path = Path(path)
     if not isinstance(config, Config):
         config = load_config(config if config is not None else _beside(path))
-    where = None
-    if config.select.where is not None:
-        where = parse(config.select.where, source=config.source, place="[select] where")
+    where = _where(config)
     table = _open_table(path)
     columns = _columns(config, table.names, path)
     run = columns.pop("run", None)
-    texts = ({run} if run else set()) | set(where.texts if where else ())
-    numbers = set(columns.values()) | set(where.names if where else ()) - texts
+    numbers, texts = set(columns.values()), set[str]()
     if where is not None:
-        for name in where.names:
-            if name not in table.names:
-                problem = f"{name!r} in {where.text!r} is no column of {path}"
-                raise InputError(
-                    config.source, "[select] where", problem, nearest(name, table.names)
-                )
+        _check_where(where, columns, table.names, path)
+        numbers, texts = numbers | (set(where.names) - set(where.texts)), set(where.texts)
+    if run is not None and run not in numbers:
+        texts.add(run)
     read = table.read(numbers=numbers, texts=texts)
     channels = {channel: _to_si(channel, read[name], config) for channel, name in columns.items()}
     raw = Raw(
@@ -68,7 +63,7 @@ def read_log(path: str | Path, config: str | Path | Config | None = None) -> Rec
         t=channels.pop("t"),
         channels=channels,
         quantities={channel: _quantity(channel, config) for channel in channels},
-        run=read[run] if run else None,
+        run=None if run is None else _labels(read[run]),
         keep=None if where is None else np.broadcast_to(where(read), table.rows).astype(bool),
         columns=columns,
         line=table.line,
@@ -160,6 +155,35 @@ def _columns(config: Config, names: Sequence[str], path: Path) -> dict[str, str]
             str(path), "header", f"has none of the columns {', '.join(CANONICAL)}", mend
         )
     return columns
+
+
+def _where(config: Config) -> Expression | None:
+    """The expression of `[select]`, if there is one."""
+    if config.select.where is None:
+        return None
+    return parse(config.select.where, source=config.source, place="[select] where")
+
+
+def _check_where(
+    where: Expression, columns: Mapping[str, str], names: Sequence[str], path: Path
+) -> None:
+    """Refuse an expression over columns that the log has not, or has as numbers."""
+    for name in where.names:
+        if name not in names:
+            problem = f"{name!r} in {where.text!r} is no column of {path}"
+            raise InputError(where.source, where.place, problem, nearest(name, names))
+    for name in where.texts:
+        if name in columns.values():
+            problem = f"{name!r} is compared with a text, but it is a channel and thus a number"
+            raise InputError(where.source, where.place, problem, "compare it with a number")
+
+
+def _labels(run: np.ndarray) -> np.ndarray:
+    """Labels of runs: texts as they are, numbers without needless digits."""
+    if run.dtype.kind != "f":
+        return run
+    values, index = np.unique(run, return_inverse=True)
+    return np.array([f"{value:.15g}" for value in values])[index]
 
 
 def _unit(channel: str, config: Config):
