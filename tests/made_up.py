@@ -1,4 +1,4 @@
-"""Finished results made by hand, for tests of what shows them: no fit and no simulation runs here."""
+"""Finished results made by hand, for tests of what shows them: nothing is fitted or simulated."""
 
 import numpy as np
 

@@ -27,7 +27,7 @@ LAYERS = (
     {"identify"},
     {"bands", "compare", "correlation", "sweep", "diagnose"},
     {"plots"},
-    {"report"},
+    {"report", "terminal"},
     {"cli"},
 )
 """Rooms of the package from the ground up; a room may use those below it and on its own floor."""

@@ -9,6 +9,8 @@ import sys
 import types
 from typing import TYPE_CHECKING
 
+__version__ = "0.1.0"
+
 if TYPE_CHECKING:
     from .config import Config as Config
     from .config import IdentifyOptions as IdentifyOptions

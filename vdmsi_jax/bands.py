@@ -66,7 +66,7 @@ def step_band(fit: Fit, t: Float[np.ndarray, " k"], level: float = 0.95) -> Band
         free = "delay" in fit.parameter_names
         delay = theta[fit.parameter_names.index("delay")] if free else model.delay
         den = jnp.concatenate([jnp.ones(1), theta[n : n + fit.n_poles]])
-        return TransferFunction(theta[:n], den, delay=delay).step_response(t)
+        return TransferFunction(theta[:n], den, delay=delay).step_response(jnp.asarray(t))
 
     theta = jnp.asarray(fit.parameters)
     value, jacobian = jax.jit(lambda p: (response(p), jax.jacfwd(response)(p)))(theta)

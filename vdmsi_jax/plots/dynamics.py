@@ -64,7 +64,7 @@ def _draw_band(axes: Axes, band: Band) -> None:
 
 def _pole_zero_map(axes: Axes, poles: list[Root], zeros: list[Root]) -> None:
     """Logarithmic beyond the slowest root, so that roots decades apart are seen together."""
-    values = np.array([root.value for root in [*poles, *zeros]])
+    values = np.array([root.value for root in [*poles, *zeros]], dtype=np.complex128)
     sizes = np.abs(values)
     sizes = sizes[sizes > 1e-12]
     reach = sizes.max(initial=1.0)

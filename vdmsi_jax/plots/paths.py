@@ -19,10 +19,9 @@ def paths(comparison: Comparison) -> Figure:
         if prediction.whole is not None
     }
     for name, (x, y) in curves.items():
-        wide = {"lw": 2.6, "alpha": 0.45} if name == "measured" else {"lw": 1.5}
-        axes.plot(
-            with_gaps(record, x)[1], with_gaps(record, y)[1], color=colour(name), label=name, **wide
-        )
+        lw, alpha = (2.6, 0.45) if name == "measured" else (1.5, 1.0)
+        east, north = with_gaps(record, x)[1], with_gaps(record, y)[1]
+        axes.plot(east, north, color=colour(name), label=name, lw=lw, alpha=alpha)
     starts = [segment.start for segment in record.segments]
     axes.plot(
         record["x"][starts], record["y"][starts], "o", color=COLOURS["measured"], mfc="white",

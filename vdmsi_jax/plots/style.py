@@ -8,7 +8,7 @@ import functools
 import io
 import re
 from collections.abc import Callable
-from typing import ParamSpec
+from typing import Any, ParamSpec
 
 import numpy as np
 from matplotlib import rc_context
@@ -34,7 +34,7 @@ SPARE = ("#e69f00", "#56b4e9", "#cc79a7", "#009e73", "#d55e00")
 
 WIDTH = 9.0  # inches: the report's text width
 
-_STYLE = {
+_STYLE: dict[Any, Any] = {
     "figure.facecolor": "white",
     "figure.constrained_layout.use": True,
     "font.size": 9.0,
@@ -85,7 +85,7 @@ def to_svg(figure: Figure, name: str) -> str:
         name: unique on the page; it keeps the figure's internal ids apart from those of others.
     """
     buffer = io.StringIO()
-    with rc_context(_STYLE | {"svg.hashsalt": name}):
+    with rc_context({**_STYLE, "svg.hashsalt": name}):
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     svg = buffer.getvalue()
     svg = svg[svg.index("<svg") :]

@@ -1,2 +1,1 @@
-"""Reports and result files. `documents` needs no plots; the pages do, and are imported when
-asked."""
+"""Reports: pages as data, and what they say of finished results."""

@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from .. import plots
 from ..data.record import Record
 from ..identify.result import Fit, OrderGrid
@@ -123,7 +125,7 @@ def _formula(fit: Fit) -> Formula:
     assert fit.model is not None
     delay = 0.0 if fit.model.delay is None else float(fit.model.delay)
     after = f" e<sup>−{number(delay)}&thinsp;<i>s</i></sup>" if delay else ""
-    numerator, denominator = (polynomial(c) for c in (fit.model.num, fit.model.den))
+    numerator, denominator = (polynomial(np.asarray(c)) for c in (fit.model.num, fit.model.den))
     return Formula(f"{fit.order}: G(s)", numerator, denominator, after)
 
 

@@ -7,8 +7,8 @@ the look is decided here alone.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from html import escape
-from importlib.metadata import version
 
+from .. import __version__
 from .style import STYLE
 
 
@@ -107,7 +107,7 @@ def render(page: Page) -> str:
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>{escape(page.title)}</title><style>{STYLE}</style></head>\n<body><main>"
         f"<header><h1>{escape(page.title)}</h1><p>{escape(page.lead)}</p><nav>{links}</nav></header>"
-        f"\n{body}\n<footer>vdmsi_jax {version('vdmsi_jax')}</footer></main></body></html>\n"
+        f"\n{body}\n<footer>vdmsi_jax {__version__}</footer></main></body></html>\n"
     )
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from .. import plots
-from ..compare import Comparison
+from ..compare import SUCCESSFUL, Comparison
 from .identification import what_was_read
 from .page import Block, Page, Picture, Section, Table, Text, Tiles
 from .text import number, percent
@@ -29,7 +29,9 @@ def _run(i: int, comparison: Comparison) -> Section:
     if any(p.whole is not None for p in predictions.values()):
         blocks += [_tiles(comparison), _errors(comparison)]
     blocks += [
-        Text(f"{name}: {p.status}", kind="warning") for name, p in predictions.items() if p.status
+        Text(f"{name}: {p.status}", kind="warning")
+        for name, p in predictions.items()
+        if p.status != SUCCESSFUL
     ]
     channels = list(dict.fromkeys(c for p in predictions.values() for c in p.scores))
     if channels:

@@ -1,5 +1,4 @@
-"""Measured, VDM and VDM-SI side by side: the responses, the path, and where each leaves the
-other."""
+"""What a comparison is."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,7 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from .data.record import Record
+from ..data.record import Record
+
+SUCCESSFUL = "successful"
+POSE = ("x", "y", "psi")
 
 
 class Score(NamedTuple):

@@ -1,0 +1,93 @@
+"""Every figure on finished results: it draws, labels its axes with units, and leaves no trace."""
+
+import matplotlib
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import made_up
+from vdmsi_jax import plots
+from vdmsi_jax.plots.style import envelope, squared_unit, unit_label
+
+FIGURES = {
+    "order_grid": lambda grid, comparison: plots.order_grid(grid),
+    "fitted": lambda grid, comparison: plots.fitted(grid),
+    "residuals": lambda grid, comparison: plots.residuals(grid),
+    "responses": lambda grid, comparison: plots.responses(grid["P3Z2"], grid.record),
+    "channels": lambda grid, comparison: plots.channels(comparison),
+    "paths": lambda grid, comparison: plots.paths(comparison),
+    "translation_error": lambda grid, comparison: plots.translation_error(comparison),
+}
+
+
+@pytest.fixture(scope="module")
+def results():
+    return made_up.order_grid(), made_up.comparison()
+
+
+def test_every_figure_is_in_the_table():
+    assert set(FIGURES) | {"to_svg"} == {name for name in vars(plots) if callable_figure(name)}
+
+
+def callable_figure(name: str) -> bool:
+    value = getattr(plots, name)
+    return callable(value) and not name.startswith("_")
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_a_figure_labels_its_axes_and_changes_no_setting(name, results):
+    before = dict(matplotlib.rcParams)
+    figure = FIGURES[name](*results)
+    assert dict(matplotlib.rcParams) == before
+    assert isinstance(figure, Figure) and figure.axes
+    for axes in figure.axes:
+        assert axes.has_data()
+        shared = axes.get_shared_x_axes().get_siblings(axes)
+        assert any(sibling.get_xlabel() for sibling in shared)
+    labels = [a.get_xlabel() for a in figure.axes] + [a.get_ylabel() for a in figure.axes]
+    if name != "order_grid":
+        assert any("(" in label for label in labels), "no unit on any axis"
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_an_svg_is_one_element_whose_ids_are_its_own(name, results):
+    figure = FIGURES[name](*results)
+    svg = plots.to_svg(figure, "mine")
+    assert svg.startswith("<svg") and svg.rstrip().endswith("</svg>")
+    assert 'id="' in svg and svg.count(' id="') == svg.count(' id="mine-')
+    references = svg.count('href="#') + svg.count("url(#")
+    assert references == svg.count('href="#mine-') + svg.count("url(#mine-")
+    assert plots.to_svg(FIGURES[name](*results), "mine") == svg, "drawing is not repeatable"
+
+
+def test_the_grid_shows_every_order_with_its_number_or_reason(results):
+    grid, _ = results
+    left, right = plots.order_grid(grid).axes[:2]
+    for axes in (left, right):
+        assert len(axes.texts) == len(grid.fits) == 30
+        assert sum(text.get_text() == "improper" for text in axes.texts) == 10
+    said = {text.get_text() for text in left.texts}
+    assert {f"{fit.fit:.2f}" for fit in grid.fits.values() if fit.ok} <= said
+
+
+def test_a_grid_without_any_model_is_still_drawn(results):
+    grid, _ = results
+    empty = {order: fit for order, fit in grid.fits.items() if not fit.ok}
+    assert plots.order_grid(type(grid)(grid.plant, grid.record, None, empty, "P1Z3", "P1Z3", 0.5))
+
+
+def test_an_envelope_keeps_peaks_and_gaps():
+    t = np.arange(100_000.0)
+    y = np.sin(t / 500.0)
+    y[31_234], y[70_001], y[50_000] = 9.0, -9.0, np.nan
+    thin_t, thin_y = envelope(t, y)
+    assert len(thin_t) < 5000
+    assert np.nanmax(thin_y) == 9.0 and np.nanmin(thin_y) == -9.0 and np.isnan(thin_y).any()
+    assert (np.diff(thin_t) > 0).all()
+
+
+def test_units_read_as_people_write_them():
+    assert unit_label("speed", "m/s") == "speed (m/s)"
+    assert unit_label("throttle", "1") == "throttle"
+    assert unit_label("MSE", squared_unit("rad")) == "MSE (rad²)"
+    assert unit_label("MSE", squared_unit("m/s")) == "MSE ((m/s)²)"

@@ -1,0 +1,107 @@
+"""A report is one file that needs nothing else and says what the results say."""
+
+import re
+from html.parser import HTMLParser
+
+import pytest
+
+import made_up
+from vdmsi_jax.report.identification import identification_page
+from vdmsi_jax.report.page import Page, Section, Table, Text, render
+from vdmsi_jax.report.simulation import simulation_page
+from vdmsi_jax.report.text import number, polynomial, roots
+
+VOID = {"meta", "path", "use", "rect", "br"}
+
+
+class Balanced(HTMLParser):
+    """Collects open tags and every reference to something outside."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.outside, self.ids, self.tags = [], [], [], set()
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.add(tag)
+        if tag not in VOID:
+            self.open.append(tag)
+        for name, value in attrs:
+            if name == "id":
+                self.ids.append(value)
+            if name in ("src", "href", "xlink:href", "action") and not value.startswith("#"):
+                self.outside.append(value)
+
+    def handle_startendtag(self, tag, attrs):
+        self.handle_starttag(tag, attrs)
+        if tag not in VOID:
+            self.open.pop()
+
+    def handle_endtag(self, tag):
+        if tag not in VOID:
+            assert self.open.pop() == tag, tag
+
+
+@pytest.fixture(scope="module", params=["identification", "simulation"])
+def html(request):
+    if request.param == "simulation":
+        return render(simulation_page([made_up.comparison()]))
+    grid = made_up.order_grid()
+    return render(identification_page({"steering": grid}, [grid.record]))
+
+
+def test_a_report_is_one_file_that_asks_for_nothing(html):
+    parser = Balanced()
+    parser.feed(html)
+    assert parser.open == []
+    assert parser.outside == []
+    assert "script" not in parser.tags and "link" not in parser.tags
+    assert "@import" not in html and not re.search(r"url\((?!#)", html)
+    assert len(set(parser.ids)) == len(parser.ids), "two elements have one id"
+
+
+def test_the_identification_says_what_was_found():
+    grid = made_up.order_grid()
+    html = render(identification_page({"steering": grid}, [grid.record]))
+    for fit in grid.fits.values():
+        assert f"<td>{fit.order}</td>" in html
+    assert "improper: 3 zeros exceed 1 poles" in html
+    assert "P3Z2 has the least BIC" in html
+    low, high = grid.best.interval("a0")
+    assert f"{number(low)} … {number(high)}" in html
+    assert "Nothing had to be repaired" in html
+    assert html.count("<svg") == 4
+
+
+def test_the_simulation_says_how_much_is_gained():
+    comparison = made_up.comparison()
+    html = render(simulation_page([comparison]))
+    assert "−81.2 %" in html  # 1.5 m against 8 m
+    assert "41.00 %" in html and "96.70 %" in html
+    assert html.count("<svg") == 3
+    assert "warning" not in re.sub(r"<style>.*?</style>", "", html, flags=re.S)
+
+
+def test_what_a_log_says_cannot_break_the_page():
+    bad = '<script>alert("x")</script>'
+    html = render(Page(bad, bad, [Section(bad, [Text(bad), Table([bad], [[bad]])])]))
+    assert "<script" not in html
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0123456, "0.01235"),
+        (-2.0, "−2"),
+        (1.2e-7, "1.2·10⁻⁷"),
+        (float("nan"), "–"),
+        (float("inf"), "–"),
+    ],
+)
+def test_numbers_as_people_read_them(value, text):
+    assert number(value) == text
+
+
+def test_formulas_as_people_read_them():
+    assert polynomial([1.0, -2.5, 3.0]) == "<i>s</i><sup>2</sup> − 2.5&thinsp;<i>s</i> + 3"
+    assert roots([-1.0 + 2.0j, -1.0 - 2.0j, -0.5 + 0j]) == "−0.5, −1 ± 2j"
+    assert roots([]) == "none"

@@ -1,0 +1,226 @@
+"""The command line: `vdmsi identify`, `vdmsi simulate`, `vdmsi sweep`.
+
+Each command reads its input before it imports what computes, so that bad input is refused at once.
+"""
+
+import contextlib
+import functools
+import io
+import os
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from tyro.conf import Positional, arg
+
+from . import __version__
+from .errors import InputError
+
+Logs = Annotated[tuple[Path, ...], Positional, arg(metavar="LOG...", help_behavior_hint="")]
+File = Annotated[Path, arg(metavar="FILE")]
+Folder = Annotated[Path, arg(metavar="DIR", help_behavior_hint="")]
+
+
+def identify(
+    logs: Logs,
+    /,
+    *,
+    out: Folder,
+    config: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None,
+    report: bool = True,
+    cache: bool = True,
+) -> None:
+    """Fit every order of every actuator to logs of one vehicle.
+
+    Writes identify.json, which `vdmsi simulate` takes, and report.html.
+
+    Args:
+        logs: CSV or NPZ files, identified together.
+        out: folder to write to.
+        config: TOML file: vehicle, columns, units, plants; canonical columns without one.
+        report: write report.html.
+        cache: keep compiled programs for the next time.
+    """
+    from .config import load_config
+    from .data.read import read_logs
+    from .files import output_folder, write_json, write_text
+
+    settings = None if config is None else load_config(config)
+    records = read_logs(logs, settings)
+    output_folder(out)
+    _prepare_jax(cache)
+
+    from . import terminal
+    from .identify import identify_vehicle
+    from .identify.document import identify_document
+
+    with terminal.working("identifying"):
+        grids = identify_vehicle(records, options=None if settings is None else settings.identify)
+    write_json(out / "identify.json", identify_document(grids, records))
+    terminal.show_grids(grids)
+    if report:
+        with terminal.working("drawing the report"):
+            from .report.identification import identification_page
+            from .report.page import render
+
+            write_text(out / "report.html", render(identification_page(grids, records)))
+        terminal.OUT.print(f"report: {out / 'report.html'}", soft_wrap=True)
+
+
+def simulate(
+    model: Annotated[Path, Positional, arg(metavar="MODEL")],
+    logs: Logs,
+    /,
+    *,
+    out: Folder,
+    config: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None,
+    window: Annotated[float, arg(metavar="SECONDS")] = 20.0,
+    report: bool = True,
+    cache: bool = True,
+) -> None:
+    """Simulate logs with and without the identified actuators, and score both.
+
+    Writes simulation.json, trajectories as TUM files, and report.html.
+
+    Args:
+        model: an identify.json or model.json.
+        logs: CSV or NPZ files, each simulated by itself.
+        out: folder to write to.
+        config: TOML file: vehicle, columns, units; the canonical columns and the model's vehicle
+            without one.
+        window: length of the windows that start anew at the measured pose.
+        report: write report.html.
+        cache: keep compiled programs for the next time.
+    """
+    from .config import load_config
+    from .data.read import read_logs
+    from .files import output_folder, write_json, write_text
+
+    if not window > 0.0:
+        raise InputError("vdmsi simulate", "--window", f"{window} is no duration", "give seconds")
+    settings = None if config is None else load_config(config)
+    records = read_logs(logs, settings)
+    output_folder(out)
+    _prepare_jax(cache)
+
+    from . import terminal
+    from .compare import compare, simulation_document, write_trajectories
+    from .model_file import load_model
+
+    loaded = load_model(model)
+    with terminal.working("simulating"):
+        comparisons = [compare(record, loaded, window=window) for record in records]
+    write_json(out / "simulation.json", simulation_document(comparisons))
+    for comparison in comparisons:
+        write_trajectories(out, comparison)
+    terminal.show_comparisons(comparisons)
+    if report:
+        with terminal.working("drawing the report"):
+            from .report.page import render
+            from .report.simulation import simulation_page
+
+            write_text(out / "report.html", render(simulation_page(comparisons)))
+        terminal.OUT.print(f"report: {out / 'report.html'}", soft_wrap=True)
+
+
+def sweep(
+    config: Annotated[Path, Positional, arg(metavar="CONFIG")],
+    /,
+    *,
+    out: Folder,
+    cache: bool = True,
+) -> None:
+    """Identify every plant of many logs over a grid of orders.
+
+    Finished cells are kept in the output folder; run it again to go on where it was stopped.
+
+    Args:
+        config: TOML file with a [sweep] table: logs, their configurations, and the orders.
+        out: folder to write to and to take up again.
+        cache: keep compiled programs for the next time.
+    """
+    from .files import write_json
+    from .sweep import SWEEP, plan, summarise
+
+    cells = plan(config, out)
+    _prepare_jax(cache)
+
+    from . import terminal
+
+    results = []
+    with terminal.progress() as bar:
+        task = bar.add_task("", total=len(cells))
+        for cell in cells:
+            bar.update(task, description=cell.name)
+            results.append(cell.finish())
+            bar.advance(task)
+    rows = summarise(cells, results)
+    write_json(out / "sweep.json", {"schema": SWEEP, "cells": rows})
+    terminal.show_sweep(rows)
+    refused = [row["refused"] for row in rows if "refused" in row]
+    if refused:
+        print(f"vdmsi: {len(refused)} of {len(rows)} cells: {refused[0]}", file=sys.stderr)
+        raise SystemExit(2)
+
+
+COMMANDS = {"identify": identify, "simulate": simulate, "sweep": sweep}
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run a command and leave with its exit code: 0 when it finished, 2 for input that is refused,
+    with one line on standard error."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments == ["--version"]:
+        print(f"vdmsi {__version__}")
+        return
+    try:
+        _dispatch(arguments)
+    except InputError as refused:
+        print(f"vdmsi: {refused}", file=sys.stderr)
+        raise SystemExit(2) from None
+    except KeyboardInterrupt:
+        raise SystemExit(130) from None
+
+
+def _prepare_jax(cache: bool) -> None:
+    """Ask for float64, and for the cache of compiled programs."""
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    if not cache:
+        jax.config.update("jax_enable_compilation_cache", False)
+    elif "JAX_COMPILATION_CACHE_DIR" not in os.environ:
+        caches = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
+        jax.config.update("jax_compilation_cache_dir", str(caches / "vdmsi_jax" / "xla"))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
+
+
+def _delayed(command):
+    """The command as a function that only takes its arguments, and returns the call."""
+
+    @functools.wraps(command)
+    def take(*args, **options):
+        return functools.partial(command, *args, **options)
+
+    return take
+
+
+def _dispatch(arguments: list[str]) -> None:
+    """Parse and run. What tyro says of a wrong usage comes in a box; it is put on one line."""
+    said = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(said):
+            call = tyro.extras.subcommand_cli_from_dict(
+                {name: _delayed(command) for name, command in COMMANDS.items()},
+                prog="vdmsi",
+                description="Identify a vehicle's actuators, simulate the vehicle, and compare. "
+                "`vdmsi --version` tells the version.",
+                args=arguments,
+            )
+    except SystemExit as leaving:
+        if leaving.code:
+            lines = [line.strip("╭╮╰╯│─ \n") for line in said.getvalue().splitlines()]
+            print("vdmsi:", "; ".join(filter(None, lines)), file=sys.stderr)
+        raise
+    call()

@@ -1,0 +1,230 @@
+"""Simulating a record with and without the identified dynamics, and scoring both."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import ArrayLike
+
+from ..data.record import Record
+from ..errors import InputError
+from ..identify.result import OrderGrid
+from ..metrics import Alignment, ate, fit, heading_error, mse, translation_error
+from ..model_file import Model, Plant
+from ..models.bicycle import Bicycle
+from ..models.linear_plant import REST_RECORDS
+from ..models.transfer_function import TransferFunction
+from ..models.vehicle import SpeedInput, Vehicle
+from ..simulate import RESULTS, Commands, Start, simulate
+from ._nouns import POSE, SUCCESSFUL, Comparison, PoseErrors, Prediction, Score
+
+START_SAMPLES = 5
+"""Samples whose mean is the measured response at a start."""
+
+
+def compare(record: Record, model: Model, *, window: float = 20.0) -> Comparison:
+    """Simulate a record by VDM and by VDM-SI and score both against it.
+
+    VDM takes every command as followed at once (the speed, too, is the commanded one); VDM-SI puts
+    the identified plants between. Both start from the first measured pose of each segment; a plant
+    starts at rest at its first measured response. Whatever the log lacks is left out: without a
+    pose there are responses only, and a single actuator is compared as well as a vehicle.
+
+    Args:
+        record: a log with the commands of the plants.
+        model: what `load_model` read or `identified` made.
+        window: length of the windows that are anchored anew, s.
+
+    Raises:
+        InputError: no plant of the model has its command in the record.
+    """
+    plants = {
+        name: plant for name, plant in model.plants.items() if plant.spec.input in record.channels
+    }
+    if not plants:
+        asked = ", ".join(sorted({plant.spec.input for plant in model.plants.values()}))
+        raise InputError(
+            record.name,
+            "channels",
+            f"has none of the model's commands ({asked})",
+            "name them in [columns]",
+        )
+    predictions = {}
+    for name, dynamics in (("VDM", False), ("VDM-SI", True)):
+        moved, status = {}, SUCCESSFUL
+        if _drives(record, model, plants):
+            moved, status = _motion(record, model, plants, dynamics)
+        others = {key: plant for key, plant in plants.items() if plant.spec.output not in moved}
+        channels = moved | _responses(record, others, dynamics)
+        predictions[name] = _score(name, status, record, channels, window)
+    return Comparison(record, predictions, window)
+
+
+def identified(grids: Mapping[str, OrderGrid]) -> Model:
+    """The chosen models of an identification, ready to be simulated or saved."""
+    plants = {
+        name: Plant(grid.plant, grid.best.model)
+        for name, grid in grids.items()
+        if grid.best.model is not None
+    }
+    vehicles = [grid.record.vehicle for grid in grids.values()]
+    return Model(plants, vehicles[0] if vehicles else None)
+
+
+def _drives(record: Record, model: Model, plants: Mapping[str, Plant]) -> bool:
+    """Whether a path can be simulated and compared: geometry, both commands, and a pose."""
+    needed = {"v_cmd", "delta_cmd", *POSE}
+    return (
+        (record.vehicle or model.vehicle) is not None
+        and needed <= set(record.channels)
+        and bool(_actuator(plants, "v_cmd", "v") or _actuator(plants, "delta_cmd", "delta"))
+    )
+
+
+def _actuator(plants: Mapping[str, Plant], command: str, response: str) -> Plant | None:
+    for plant in plants.values():
+        if (plant.spec.input, plant.spec.output) == (command, response):
+            return plant
+    return None
+
+
+def _padded(record: Record, channel: str) -> np.ndarray:
+    """A channel segment by segment, (segments, longest), the last sample held: one shape, so that
+    one compiled program serves every segment."""
+    pieces = record.pieces(channel)
+    longest = max(map(len, pieces))
+    return np.stack([np.pad(piece, (0, longest - len(piece)), mode="edge") for piece in pieces])
+
+
+def _joined(record: Record, rows: Sequence[ArrayLike]) -> np.ndarray:
+    """The samples of the segments again one after another, the padding left out."""
+    return np.concatenate(
+        [np.asarray(row)[: len(s)] for row, s in zip(rows, record.segments, strict=True)]
+    )
+
+
+def _at_rest(record: Record, plant: Plant) -> np.ndarray | None:
+    """States of a plant at rest at the first measured response of each segment, (segments, n);
+    None, the simulation's own start, where the response was not measured or the plant has no
+    rest."""
+    linear, output = plant.model.to_plant(), plant.spec.output
+    gain, slowest = float(plant.model.dc_gain()), float(linear.slowest)
+    if output not in record or slowest * record.duration * REST_RECORDS <= 1.0 or gain == 0.0:
+        return None
+    offset = 0.0 if plant.model.offset is None else float(plant.model.offset)
+    first = np.array([np.mean(piece[:START_SAMPLES]) for piece in record.pieces(output)])
+    return (first - offset)[:, None] / gain * np.asarray(linear.rest)
+
+
+@eqx.filter_jit
+def _run_plant(model: TransferFunction, u, dt, x0):
+    return model.simulate(u, dt, x0).y
+
+
+def _responses(
+    record: Record, plants: Mapping[str, Plant], dynamics: bool
+) -> dict[str, np.ndarray]:
+    """Predicted responses of the plants, each from its own command; a command that is followed at
+    once must be of the response's kind to be comparable."""
+    found = {}
+    for plant in plants.values():
+        spec = plant.spec
+        if spec.output not in record:
+            continue
+        if dynamics:
+            starts = _at_rest(record, plant)
+            rows = [
+                _run_plant(plant.model, u, record.dt, None if starts is None else starts[i])
+                for i, u in enumerate(_padded(record, spec.input))
+            ]
+            found[spec.output] = _joined(record, rows)
+        elif record.units[spec.input] == record.units[spec.output]:
+            found[spec.output] = record[spec.input]
+    return found
+
+
+def _motion(
+    record: Record, model: Model, plants: Mapping[str, Plant], dynamics: bool
+) -> tuple[dict[str, np.ndarray], str]:
+    """Speed, angle, yaw rate and pose of the reference point over every segment.
+
+    A bicycle without slip may be seen from any point of its axis: with the distances of the
+    reference point in place of the centre of gravity's, speed and pose are those that were logged.
+    """
+    geometry = record.vehicle or model.vehicle
+    assert geometry is not None
+    behind = geometry.rear_to_reference
+    powertrain = _actuator(plants, "v_cmd", "v") if dynamics else None
+    steering = _actuator(plants, "delta_cmd", "delta") if dynamics else None
+    vehicle = Vehicle(
+        Bicycle(geometry.wheelbase - behind, behind),
+        None if powertrain is None else powertrain.model,
+        None if steering is None else steering.model,
+        speed_input=SpeedInput.VELOCITY,
+    )
+    starts = [None if p is None else _at_rest(record, p) for p in (powertrain, steering)]
+    speeds, angles = _padded(record, "v_cmd"), _padded(record, "delta_cmd")
+    trajectories = []
+    for i, segment in enumerate(record.segments):
+        x, y, psi = (record[name][segment.start] for name in POSE)
+        states = [None if start is None else start[i] for start in starts]
+        start = Start(x, y, psi, powertrain=states[0], steering=states[1])
+        trajectories.append(simulate(vehicle, Commands(speeds[i], angles[i], record.dt), start))
+    failed = [t for t in trajectories if not bool(t.ok)]
+    channels = {
+        name: _joined(record, [getattr(t, name) for t in trajectories])
+        for name in (*POSE, "v", "delta", "r")
+    }
+    return channels, str(RESULTS[failed[0].status]) if failed else SUCCESSFUL
+
+
+def _score(
+    name: str, status: str, record: Record, channels: Mapping[str, np.ndarray], window: float
+) -> Prediction:
+    """Set what was predicted against what was measured; filled-in samples do not count."""
+    scores = {}
+    for channel in channels:
+        if channel in record and channel not in POSE:
+            seen = record.measured(channel)
+            y, y_hat = record[channel][seen], channels[channel][seen]
+            scores[channel] = Score(float(fit(y, y_hat)), float(mse(y, y_hat)))
+    if "x" not in channels or status != SUCCESSFUL:
+        return Prediction(name, status, channels, scores)
+    predicted = np.stack([channels[c] for c in POSE], axis=1)
+    measured = np.stack([record[c] for c in POSE], axis=1)
+    samples = max(round(window / record.dt), 1)
+    anchors = np.concatenate(
+        [s.start + np.arange(len(s)) // samples * samples for s in record.segments]
+    )
+    alone = len(record.segments) == 1
+    return Prediction(
+        name,
+        status,
+        channels,
+        scores,
+        whole=_errors(measured, predicted),
+        windows=_errors(measured, _anchored(measured, predicted, anchors)),
+        aligned=_plain(ate(measured, predicted, Alignment.SE2)) if alone else None,
+    )
+
+
+def _anchored(measured: np.ndarray, predicted: np.ndarray, anchors: np.ndarray) -> np.ndarray:
+    """The predicted motion since each sample's anchor, begun at the pose measured there, (N, 3)."""
+    turn = (measured - predicted)[anchors, 2]
+    c, s = np.cos(turn), np.sin(turn)
+    dx, dy = (predicted - predicted[anchors])[:, :2].T
+    moved = np.stack([c * dx - s * dy, s * dx + c * dy], axis=1) + measured[anchors, :2]
+    return np.column_stack([moved, predicted[:, 2] + turn])
+
+
+def _errors(measured: np.ndarray, predicted: np.ndarray) -> PoseErrors:
+    return PoseErrors(
+        np.asarray(translation_error(measured, predicted, Alignment.NONE)),
+        np.asarray(heading_error(measured, predicted, Alignment.NONE)),
+        _plain(ate(measured, predicted, Alignment.NONE)),
+    )
+
+
+def _plain(numbers: Mapping[str, Any]) -> dict[str, float]:
+    return {name: float(value) for name, value in numbers.items()}

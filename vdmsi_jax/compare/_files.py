@@ -1,0 +1,61 @@
+"""What a comparison leaves on disk: `simulation.json` and TUM trajectories."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..metrics import write_tum
+from ._nouns import POSE, Comparison, Prediction
+
+SIMULATION = "vdmsi.simulation/1"
+
+KEYS = {"VDM": "vdm", "VDM-SI": "vdm_si", "extended": "extended"}
+"""How the models of a comparison are called in files."""
+
+
+def write_trajectories(folder: str | Path, comparison: Comparison) -> list[Path]:
+    """Write the measured path and every predicted one as TUM files, `LOG.MODEL.tum`."""
+    record, paths = comparison.record, {}
+    if set(POSE) <= set(record.channels):
+        paths["measured"] = [record[c] for c in POSE]
+    for name, prediction in comparison.predictions.items():
+        if prediction.whole is not None:
+            paths[KEYS.get(name, name)] = [prediction.channels[c] for c in POSE]
+    written = []
+    for name, columns in paths.items():
+        stem = Path(record.name).with_suffix("").as_posix().replace("/", ".")
+        written.append(Path(folder) / f"{stem}.{name}.tum")
+        write_tum(written[-1], record.t, np.stack(columns, axis=1))
+    return written
+
+
+def simulation_document(comparisons: Sequence[Comparison]) -> dict[str, Any]:
+    """The contents of `simulation.json`. The `channels` of a run are the scores of the last model,
+    the best informed; every model has its own beside its errors."""
+    return {"schema": SIMULATION, "runs": [_run(comparison) for comparison in comparisons]}
+
+
+def _run(comparison: Comparison) -> dict[str, Any]:
+    last = list(comparison.predictions.values())[-1]
+    return {
+        "log": comparison.record.name,
+        "channels": _scores(last),
+        "window": comparison.window,
+        **{KEYS.get(name, name): _model(p) for name, p in comparison.predictions.items()},
+    }
+
+
+def _scores(prediction: Prediction) -> dict[str, Any]:
+    return {name: score._asdict() for name, score in prediction.scores.items()}
+
+
+def _model(prediction: Prediction) -> dict[str, Any]:
+    return {
+        "status": prediction.status,
+        "channels": _scores(prediction),
+        "ate": None if prediction.whole is None else prediction.whole.ate,
+        "ate_aligned": prediction.aligned,
+        "ate_windows": None if prediction.windows is None else prediction.windows.ate,
+    }

@@ -1,0 +1,58 @@
+"""What result files say of an identification."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ..data.record import Record
+from ..model_file import IDENTIFY, geometry
+from .result import Fit, OrderGrid
+
+
+def identify_document(grids: Mapping[str, OrderGrid], records: Sequence[Record]) -> dict[str, Any]:
+    """The contents of `identify.json`.
+
+    Args:
+        grids: by the plants' names.
+        records: what was identified from; their repairs and their vehicle are told.
+    """
+    vehicle = next((record.vehicle for record in records if record.vehicle is not None), None)
+    return {
+        "schema": IDENTIFY,
+        "logs": [record.name for record in records],
+        "vehicle": None if vehicle is None else geometry(vehicle),
+        "plants": {name: plant_document(grid) for name, grid in grids.items()},
+        "repairs": [f"{record.name}: {told}" for record in records for told in record.repairs],
+    }
+
+
+def plant_document(grid: OrderGrid) -> dict[str, Any]:
+    """One plant with all its orders; improper ones have their reason only."""
+    return {
+        "input": grid.plant.input,
+        "output": grid.plant.output,
+        "chosen": grid.chosen,
+        "chosen_by_bic": grid.chosen_by_bic,
+        "orders": {order: _order(fit) for order, fit in grid.fits.items()},
+    }
+
+
+def _order(fit: Fit) -> dict[str, Any]:
+    if fit.model is None:
+        return {"status": fit.status}
+    return {
+        "fit": fit.fit,
+        "mse": fit.mse,
+        "held_out_fit": fit.held_out_fit,
+        "held_out_mse": fit.held_out_mse,
+        "aic": fit.aic,
+        "bic": fit.bic,
+        "num": fit.model.num,
+        "den": fit.model.den,
+        "std": fit.std,
+        "delay": 0.0 if fit.model.delay is None else fit.model.delay,
+        "offset": 0.0 if fit.model.offset is None else fit.model.offset,
+        "poles": fit.poles,
+        "zeros": fit.zeros,
+        "status": fit.status,
+        "warnings": list(fit.warnings),
+    }

@@ -1,0 +1,148 @@
+"""A grid of orders over many logs, kept cell by cell so that it goes on where it was stopped.
+
+A cell is one plant of one log with all its orders, since these are fitted together. Its file says
+what it was made from; where that has changed, the cell is made anew.
+"""
+
+import functools
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from . import __version__
+from .config import DEFAULT_PLANTS, Config, IdentifyOptions, PlantSpec, load_config
+from .data.datasets import data_folder
+from .data.read import read_log
+from .data.record import Record
+from .errors import InputError, nearest
+from .files import output_folder, read_json, write_json
+
+CELL = "vdmsi.sweep-cell/1"
+SWEEP = "vdmsi.sweep/1"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One plant of one log.
+
+    Attributes:
+        log, config: the files to read.
+        plant: what to identify.
+        options: how; with them the orders.
+        key: fingerprint of all that the result depends on.
+        file: where the result is kept.
+    """
+
+    log: Path
+    config: Path | None
+    plant: PlantSpec
+    options: IdentifyOptions
+    key: str
+    file: Path
+
+    @property
+    def name(self) -> str:
+        return f"{self.log.parent.name}/{self.log.name} {self.plant.name}"
+
+    def kept(self) -> dict[str, Any] | None:
+        """The result of an earlier run, if it was made from the same input."""
+        if not self.file.is_file():
+            return None
+        try:
+            document = read_json(self.file)
+        except InputError:
+            return None
+        return document if document.get("key") == self.key else None
+
+    def finish(self) -> dict[str, Any]:
+        """The cell's result, identified and kept if it was not yet.
+
+        A log that is refused is told in the result, under `refused`, and not kept.
+        """
+        kept = self.kept()
+        if kept is not None:
+            return kept
+        from .identify import identify
+        from .identify.document import plant_document
+
+        head = {"schema": CELL, "key": self.key, "log": self.log.name, "plant": self.plant.name}
+        try:
+            grid = identify(_read(self.log, self.config), self.plant, options=self.options)
+        except InputError as refused:
+            return head | {"refused": str(refused)}
+        document = head | plant_document(grid)
+        write_json(self.file, document)
+        return document
+
+
+def plan(config: str | Path, out: str | Path) -> list[Cell]:
+    """The cells of a sweep, in the order of the file.
+
+    Args:
+        config: a TOML file with a `[sweep]` table; its `[identify]` says which orders.
+        out: folder of the results.
+
+    Raises:
+        InputError: a file is missing or refused, or a plant is named that the log's configuration
+            does not have.
+    """
+    sweep = load_config(config)
+    if sweep.sweep is None:
+        mend = 'add runs = [{ log = "run.csv", config = "vehicle.toml" }, ...]'
+        raise InputError(sweep.source, "[sweep]", "missing", mend)
+    folder, cells = output_folder(Path(out) / "cells"), []
+    for i, run in enumerate(sweep.sweep.runs, start=1):
+        place = f"[sweep] runs {i}"
+        log = _find(run.log, sweep, f"{place} log")
+        own = None if run.config is None else _find(run.config, sweep, f"{place} config")
+        plants = {p.name: p for p in load_config(own).plants or DEFAULT_PLANTS}
+        for name in run.plants or plants:
+            if name not in plants:
+                problem = f"there is no plant {name!r}"
+                raise InputError(sweep.source, f"{place} plants", problem, nearest(name, plants))
+            key = _fingerprint(log, own, plants[name], sweep.identify)
+            file = folder / f"{log.parent.name}.{log.stem}.{name}.json"
+            cells.append(Cell(log, own, plants[name], sweep.identify, key, file))
+    return cells
+
+
+def summarise(cells: Sequence[Cell], results: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """One row per cell: the chosen order and its scores, or why there is none."""
+    rows = []
+    for cell, result in zip(cells, results, strict=True):
+        row = {"log": f"{cell.log.parent.name}/{cell.log.name}", "plant": cell.plant.name}
+        if "refused" in result:
+            rows.append(row | {"refused": result["refused"]})
+            continue
+        fit = result["orders"][result["chosen"]]
+        scores = {name: fit.get(name) for name in ("fit", "held_out_fit", "mse", "delay", "status")}
+        rows.append(
+            row | {"chosen": result["chosen"], "chosen_by_bic": result["chosen_by_bic"]} | scores
+        )
+    return rows
+
+
+@functools.lru_cache(maxsize=2)
+def _read(log: Path, config: Path | None) -> Record:
+    return read_log(log, config)
+
+
+def _find(name: str, sweep: Config, place: str) -> Path:
+    """A file that a sweep names: beside the sweep file, or among the data sets."""
+    beside = Path(sweep.source).parent / name
+    shared = data_folder()
+    for candidate in (beside, *([shared / name] if shared else [])):
+        if candidate.is_file():
+            return candidate
+    mend = "name it from the sweep file's folder, or from the folder that VDMSI_DATA names"
+    raise InputError(sweep.source, place, f"there is no file {name}", mend)
+
+
+def _fingerprint(log: Path, config: Path | None, plant: PlantSpec, options: IdentifyOptions) -> str:
+    digest = hashlib.sha256(json.dumps([repr(plant), repr(options), __version__]).encode())
+    for path in (log, config):
+        digest.update(b"" if path is None else hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()

@@ -1,0 +1,107 @@
+"""What the command line shows while it works and when it is done. Nothing here computes."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from .compare import Comparison
+from .identify.result import OrderGrid
+
+OUT = Console(highlight=False)
+ERR = Console(stderr=True, highlight=False)
+
+
+@contextmanager
+def working(what: str) -> Iterator[None]:
+    """A spinner on standard error, where that is a terminal."""
+    if not ERR.is_terminal:
+        yield
+        return
+    with ERR.status(what):
+        yield
+
+
+def progress() -> Progress:
+    """A bar on standard error that is gone when the work is done."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
+    return Progress(*columns, console=ERR, transient=True, disable=not ERR.is_terminal)
+
+
+def show_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """A table on standard output; columns after the first two stand to the right."""
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for i, name in enumerate(header):
+        table.add_column(name, justify="left" if i < 2 else "right", overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    OUT.print(table)
+
+
+def show_grids(grids: Mapping[str, OrderGrid]) -> None:
+    """The chosen order of each plant, and that of the least BIC where it differs."""
+    rows = []
+    for name, grid in grids.items():
+        for order in dict.fromkeys((grid.chosen, grid.chosen_by_bic)):
+            fit = grid[order]
+            delay = None if fit.model is None else fit.model.delay
+            rows.append(
+                [
+                    name,
+                    order + ("" if order == grid.chosen else " (BIC)"),
+                    f"{fit.fit:.2f}",
+                    f"{fit.held_out_fit:.2f}",
+                    f"{fit.mse:.3g}",
+                    "–" if delay is None else f"{1e3 * float(delay):.1f}",
+                    fit.status,
+                ]
+            )
+    header = ["plant", "order", "FIT %", "held-out FIT %", "MSE", "delay ms", "status"]
+    show_table(header, rows)
+    for name, grid in grids.items():
+        for warning in grid.best.warnings:
+            OUT.print(f"{name}: {warning}")
+
+
+def show_comparisons(comparisons: Sequence[Comparison]) -> None:
+    """FIT of each channel and translation errors of each model, a line per log and model."""
+    channels = list(
+        dict.fromkeys(c for k in comparisons for p in k.predictions.values() for c in p.scores)
+    )
+    header = ["log", "model", *(f"FIT {c} %" for c in channels), "mean error m", "in windows m"]
+    rows = []
+    for comparison in comparisons:
+        for name, prediction in comparison.predictions.items():
+            scores = [prediction.scores.get(channel) for channel in channels]
+            errors = [prediction.whole, prediction.windows]
+            rows.append(
+                [comparison.record.name, name]
+                + ["–" if score is None else f"{score.fit:.2f}" for score in scores]
+                + ["–" if error is None else f"{error.ate['mean']:.3f}" for error in errors]
+            )
+    show_table(header, rows)
+
+
+def show_sweep(rows: Sequence[Mapping[str, Any]]) -> None:
+    """A line per cell of a sweep."""
+    show_table(
+        ["log", "plant", "order", "BIC", "FIT %", "held-out FIT %", "status"],
+        [
+            [row["log"], row["plant"], "–", "–", "–", "–", "refused"]
+            if "refused" in row
+            else [
+                *(row[key] for key in ("log", "plant", "chosen", "chosen_by_bic")),
+                *("–" if row[k] is None else f"{row[k]:.2f}" for k in ("fit", "held_out_fit")),
+                row["status"],
+            ]
+            for row in rows
+        ],
+    )
