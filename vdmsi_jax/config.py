@@ -210,6 +210,8 @@ class Derivation:
         _require(fine, self, "rule", problem, nearest(self.rule or "", RULES))
         fine = self.expression is None or self.unit is not None
         _require(fine, self, "unit", "missing", 'give that of the expression, as unit = "rad/s"')
+        fine = self.window is None or self.window > 0.0
+        _require(fine, self, "window", f"{self.window} is no duration", "give seconds")
         problem = f"{self.min_speed} is no limit"
         _require(self.min_speed > 0.0, self, "min_speed", problem, "give m/s, more than zero")
 
@@ -322,6 +324,9 @@ class Config:
         for channel, factor in self.sign.items():
             problem = f"{factor} is no sign"
             _require(factor in (1, -1), self, f"[sign] {channel}", problem, "give 1 or -1")
+        for name in ("t", "run"):
+            mend = "name the derived channel differently"
+            _require(name not in self.derive, self, f"[derive] {name}", "is no channel", mend)
         fine = len({plant.name for plant in self.plants}) == len(self.plants)
         _require(fine, self, "[[plants]] name", "two plants have one name", "rename one of them")
 

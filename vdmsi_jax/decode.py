@@ -107,11 +107,10 @@ def _value(hint: Any, given: Any, source: str, place: str) -> Any:
                 for i, item in enumerate(given)
             )
         if origin is not None and issubclass(_as_type(origin), Mapping):
-            decoded = {
+            return {
                 key: _value(arguments[1], item, source, f"{place} {key}")
                 for key, item in given.items()
             }
-            return types.MappingProxyType(decoded)
         if dataclasses.is_dataclass(hint):
             table = given if isinstance(given, dict) else {cast(Any, hint).shorthand: given}
             return decode(_as_type(hint), table, source=source, place=place)

@@ -117,6 +117,7 @@ def test_a_column_that_the_configuration_names_is_missing(tmp_path):
     [
         ("[select]\nwhere = 'phse == 1'", ["[select] where", "'phse'", "no column"]),
         ("[select]\nwhere = 'v > 100'", ["no row is selected"]),
+        ("[select]\nwhere = 'v == \"fast\"'", ["[select] where", "compared with a text"]),
         ("[select]\nwhere = 'open(v)'", ["[select] where", "unknown function"]),
         ("[prepare]\nhold = ['pedal']", ["[prepare] hold", "'pedal'"]),
         (
@@ -213,6 +214,60 @@ def test_nothing_can_be_learnt_without_change(v_cmd, v, parts):
 def test_a_log_that_moves_passes():
     record = made(v_cmd=np.arange(9.0), v=np.arange(9.0))
     check_excitation(record, record.plant("powertrain"))
+
+
+def test_nothing_is_left_of_a_log_without_cells(tmp_path):
+    path = write_csv(tmp_path / "run.csv", drive() | {"a": [""] * 200})
+    for policy in ("gap", "hold", "interpolate"):
+        assert "samples" in refusal(path, Config(prepare=Prepare(missing=policy)))
+    path = write_csv(tmp_path / "run.csv", drive() | {"t": [""] * 200})
+    assert "no two rows" in refusal(path, Config(prepare=Prepare(missing="gap")))
+
+
+def test_rows_of_empty_cells_are_missing_and_not_blank(tmp_path):
+    path = write_csv(tmp_path / "run.csv", drive())
+    lines = path.read_text().splitlines()
+    lines.insert(50, ",,,,")
+    path.write_text("\n".join(lines))
+    assert "line 51, column 't'" in refusal(path)
+
+
+SPOILS = ["", "nan", "-inf", "x", "1e400", "0", "0.5", "1_0", '"', "1,2", "-", "\x00", "é", "#"]
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_whatever_is_spoilt_it_is_refused_or_mended(tmp_path, seed):
+    """No other exception, and never a record that breaks its promises."""
+    rng = np.random.default_rng(seed)
+    cells = [
+        list(map(repr, row)) for row in zip(*map(np.ndarray.tolist, drive().values()), strict=True)
+    ]
+    for _ in range(rng.integers(1, 8)):
+        row = int(rng.integers(200))
+        match rng.integers(4):
+            case 0:
+                cells[row][rng.integers(5)] = str(rng.choice(SPOILS))
+            case 1:
+                cells[row] = cells[max(row - int(rng.integers(3)), 0)]
+            case 2:
+                cells[row : row + int(rng.integers(1, 30))] = []
+                cells += [["9", "1", "1", "1", "1"]] * (200 - len(cells))
+            case 3:
+                cells[row] = cells[row][: rng.integers(5)] or [" "]
+    path = tmp_path / "run.csv"
+    path.write_text("\n".join(",".join(row) for row in [list(drive()), *cells]))
+    for missing in ("refuse", "gap", "hold", "interpolate"):
+        for duplicates in ("refuse", "drop"):
+            try:
+                config = Config(prepare=Prepare(missing=missing, duplicates=duplicates))
+                record = read_log(path, config)
+            except InputError as error:
+                assert "\n" not in str(error)
+                continue
+            assert all(np.isfinite(values).all() for values in record.channels.values())
+            assert np.all(np.diff(record.t) > 0.0)
+            for own in record.segments:
+                np.testing.assert_allclose(np.diff(record.t[own.samples]), record.dt, rtol=1e-6)
 
 
 def test_an_unknown_policy_is_refused(tmp_path):

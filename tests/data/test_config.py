@@ -88,6 +88,8 @@ def test_no_file_means_the_defaults():
         ("[identify]\npoles = [1, '2']", ["[identify] poles 2", "a whole number"]),
         ("[identify]\nheld_out = 1", ["[identify] held_out"]),
         ("[identify]\ndelay = -1.0", ["[identify] delay"]),
+        ("[derive]\nt = 'speed_from_pose'", ["[derive] t", "no channel"]),
+        ("[derive]\na = { rule = 'speed_from_pose', window = 0 }", ["[derive] a window"]),
         ("[sweep]", ["[sweep] runs", "missing"]),
         ("[[sweep.runs]]\nlogs = 'a'", ["[sweep] runs 1 logs", "did you mean 'log'"]),
         ("a = = 3", ["line 1, column 5", "TOML"]),

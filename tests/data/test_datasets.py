@@ -10,7 +10,7 @@ import json
 import numpy as np
 import pytest
 
-from vdmsi_jax.data import DATASETS, data_folder, locate, read_log
+from vdmsi_jax.data import DATASETS, data_folder, find_log, locate, read_log
 from vdmsi_jax.errors import InputError
 
 LOGS = [(name, log) for name, dataset in DATASETS.items() for log in dataset.logs]
@@ -146,6 +146,14 @@ def test_the_floor_of_the_runs_from_standstill():
         for run in record.segments
     ]
     assert np.median(fits) == pytest.approx(92.6, abs=1.0)
+
+
+def test_a_sweep_finds_its_logs_beside_it_or_among_the_sets(tmp_path, shared_data):
+    (tmp_path / "mine.csv").write_text("t,v\n")
+    assert find_log("mine.csv", tmp_path) == tmp_path / "mine.csv"
+    assert find_log("cpm_mucar/run_a.csv", tmp_path) == shared_data / "cpm_mucar" / "run_a.csv"
+    with pytest.raises(InputError, match="no such log"):
+        find_log("cpm_mucar/run_z.csv", tmp_path)
 
 
 def test_a_log_that_is_not_here_says_where_to_get_it(tmp_path, monkeypatch):

@@ -4,6 +4,7 @@ on `Record`."""
 from .datasets import DATASETS as DATASETS
 from .datasets import Dataset as Dataset
 from .datasets import data_folder as data_folder
+from .datasets import find_log as find_log
 from .datasets import locate as locate
 from .prepare import check_excitation as check_excitation
 from .read import read_log as read_log

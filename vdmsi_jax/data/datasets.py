@@ -143,6 +143,20 @@ def data_folder() -> Path | None:
     return next((folder for folder in candidates if folder.is_dir()), None)
 
 
+def find_log(log: str, beside: Path) -> Path:
+    """The log that a sweep names: a path from the folder `beside`, or from that of the data sets.
+
+    Raises:
+        InputError: it is in neither.
+    """
+    folders = [beside, *filter(None, [data_folder()])]
+    for folder in folders:
+        if (folder / log).is_file():
+            return folder / log
+    mend = f"it was looked for in {' and '.join(map(str, folders))}; VDMSI_DATA may name another"
+    raise InputError(log, "", "there is no such log", mend)
+
+
 def locate(dataset: str, log: str) -> tuple[Path, Path]:
     """A log of a set on this machine, and the configuration that describes it.
 

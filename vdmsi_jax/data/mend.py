@@ -79,14 +79,11 @@ class Rows:
 
 
 def select_rows(rows: Rows) -> None:
+    """Leave out the rows that `[select]` does not choose; segments end at them."""
     drop = ~np.asarray(rows.raw.keep)
     if drop.all():
-        raise InputError(
-            rows.raw.source,
-            "[select] where",
-            "no row is selected",
-            "loosen the expression of [select] where",
-        )
+        mend = "loosen the expression"
+        raise InputError(rows.raw.source, "[select] where", "no row is selected", mend)
     if drop.any():
         rows.cut(drop, gap=True)
         rows.told.append(
@@ -98,7 +95,10 @@ def check_time(rows: Rows, config: Config) -> None:
     """Refuse or drop rows whose time stamp is missing, not later than the one before, or
     doubtful."""
     raw = rows.raw
-    place = lambda k: f"{raw.line(int(rows.index[k]))}, column {raw.columns['t']!r}"  # noqa: E731
+
+    def place(k: int) -> str:
+        return f"{raw.line(int(rows.index[k]))}, column {raw.columns['t']!r}"
+
     bad = ~np.isfinite(rows.t)
     if bad.any():
         k = int(np.flatnonzero(bad)[0])
@@ -266,8 +266,9 @@ def counted(what: np.ndarray | int, noun: str) -> str:
 
 
 def stretches(fresh: np.ndarray) -> list[tuple[int, int]]:
-    starts = np.flatnonzero(fresh)
-    return list(zip(starts.tolist(), np.append(starts[1:], fresh.size).tolist(), strict=True))
+    """First row and the row after the last of every piece."""
+    edges = [*np.flatnonzero(fresh).tolist(), fresh.size]
+    return list(zip(edges[:-1], edges[1:], strict=True))
 
 
 def is_held(channel: str, config: Config) -> bool:

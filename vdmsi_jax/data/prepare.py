@@ -189,10 +189,8 @@ def _plants(config: Config, channels: Mapping[str, np.ndarray]) -> tuple[PlantSp
         for role in ("input", "output"):
             channel = getattr(plant, role)
             if channel not in channels:
-                place = f"[[plants]] {plant.name}: {role}"
-                raise InputError(
-                    config.source, place, f"no channel {channel!r}", nearest(channel, channels)
-                )
+                place, problem = f"[[plants]] {plant.name} {role}", f"no channel {channel!r}"
+                raise InputError(config.source, place, problem, nearest(channel, channels))
     return config.plants or tuple(
         p for p in DEFAULT_PLANTS if p.input in channels and p.output in channels
     )
@@ -212,22 +210,13 @@ def check_excitation(record: Record, plant: PlantSpec) -> None:
     command, response = record[plant.input], record[plant.output]
     if np.ptp(command) <= 1e-12 * np.abs(command).max():
         problem = f"the command of {plant.name} is {command[0]:g} in all {record.n} samples"
-        raise InputError(
-            record.name,
-            plant.input,
-            problem,
-            "record a run in which it changes, or name another input",
-        )
+        mend = "record a run in which it changes, or name another input"
+        raise InputError(record.name, plant.input, problem, mend)
     if not response.any():
         problem = f"the response of {plant.name} is zero in all {record.n} samples"
-        raise InputError(
-            record.name,
-            plant.output,
-            problem,
-            "check that the sensor was logged, or name another output",
-        )
+        mend = "check that the sensor was logged, or name another output"
+        raise InputError(record.name, plant.output, problem, mend)
     if np.ptp(response) <= 1e-12 * np.abs(response).max():
         problem = f"the response of {plant.name} is {response[0]:g} in all {record.n} samples"
-        raise InputError(
-            record.name, plant.output, problem, "check the sensor, or name another output"
-        )
+        mend = "check the sensor, or name another output"
+        raise InputError(record.name, plant.output, problem, mend)

@@ -115,14 +115,12 @@ def _open_table(path: Path) -> Table:
         raise InputError(str(path), "", "is no regular file", "give a CSV or NPZ file")
     try:
         if path.stat().st_size == 0:
-            raise InputError(
-                str(path), "", "the file is empty", "give a header and at least two rows"
-            )
+            mend = "give a header and many rows"
+            raise InputError(str(path), "", "the file is empty", mend)
         return NpzTable(path) if path.suffix.lower() == ".npz" else CsvTable(path)
     except OSError as error:
-        raise InputError(
-            str(path), "", f"cannot be read ({error.strerror or error})", "check the file"
-        ) from None
+        problem = f"cannot be read ({error.strerror or error})"
+        raise InputError(str(path), "", problem, "check the file") from None
 
 
 def _beside(path: Path) -> Path | None:
@@ -137,23 +135,18 @@ def _columns(config: Config, names: Sequence[str], path: Path) -> dict[str, str]
     for channel, name in config.columns.items():
         if name not in names:
             place = f"[columns] {channel}" if config.path else f"column {name}"
-            raise InputError(
-                str(path),
-                f"column {name!r}",
-                f"is missing ({config.source}, {place})",
-                nearest(name, names),
-            )
+            problem = f"is missing ({config.source}, {place})"
+            raise InputError(str(path), f"column {name!r}", problem, nearest(name, names))
     columns = {channel: channel for channel in CANONICAL if channel in names} | dict(config.columns)
     taken = list(config.columns.values())
     columns = {c: n for c, n in columns.items() if c in config.columns or n not in taken}
     if "t" not in columns:
-        mend = f'name the time column with [columns] t = "..."; the header has {", ".join(names)}'
+        mend = f'name the time column with [columns] t = "..."; {nearest("t", names)}'
         raise InputError(str(path), "column 't'", "is missing", mend)
     if len(columns) < 2 + ("run" in columns):
-        mend = f"name channels in [columns]; the header has {', '.join(names)}"
-        raise InputError(
-            str(path), "header", f"has none of the columns {', '.join(CANONICAL)}", mend
-        )
+        problem = f"has none of the columns {', '.join(CANONICAL)}"
+        mend = f"name channels in [columns]; {nearest('v', names)}"
+        raise InputError(str(path), "header", problem, mend)
     return columns
 
 
@@ -208,8 +201,7 @@ def _to_si(channel: str, values: np.ndarray, config: Config) -> np.ndarray:
     if channel in STEERING_CHANNELS and measured.quantity == "curvature":
         if config.vehicle is None:
             problem = "a curvature needs the wheelbase to become an angle"
-            raise InputError(
-                config.source, f"[units] {channel}", problem, "give [vehicle] l_f and l_r"
-            )
+            mend = "give [vehicle] l_f and l_r"
+            raise InputError(config.source, f"[units] {channel}", problem, mend)
         return steering_from_curvature(values, config.vehicle)
     return values
