@@ -19,19 +19,23 @@ class Fit:
     """One identified model of one order, with everything needed to judge it.
 
     `FIT` is eq. (3) and `MSE` eq. (4) of Yan, Hsu & Wen (ION 2023), of the free-run simulation, in
-    percent and in squared units of the output. Samples outside the fitted part are NaN in
-    `residual` and `predicted`.
+    percent and in squared units of the output.
 
     **Attributes:**
 
     - `order`: "P2Z1" means two poles and one zero.
     - `model`: the transfer function with its delay and offset, or None where `status` says why not.
-    - `fit`, `mse`, `aic`, `bic`: on the training samples. `held_out_fit`, `held_out_mse`: on the
-      held-out samples, from an initial state fitted there and nothing else.
+    - `fit`, `mse`, `aic`, `bic`: of the model, fitted on all samples of the record.
+    - `held_out_fit`, `held_out_mse`: on the held-out samples, of a model that was fitted without
+      them. It runs on through held-out blocks with nothing but the commands; only a run that is
+      held out whole has its initial state estimated from itself.
     - `parameters`, `covariance` `(p, p)`: estimates and their covariance, in the order of
       `parameter_names` (`b1`, `b0`, `a1`, `a0`, `delay`, `offset`); coefficients of descending
       powers of s, the leading denominator coefficient being 1. Computed from the sandwich formula
       with the autocorrelation of the residual, so that they hold for coloured noise too.
+    - `predicted`, `residual` `(n,)`: simulation and its error; NaN in `residual` where the output was
+      filled in. `held_out_predicted` `(n,)`: what the model fitted without them makes of the
+      held-out samples, NaN elsewhere.
     - `jacobian` `(n, p)`: sensitivity of the predicted output to the parameters, initial states
       projected out.
     - `warnings`: what the data cannot support (near-cancelling pole-zero pairs, and so on).
@@ -51,6 +55,7 @@ class Fit:
     parameters: Floats = field(default_factory=lambda: np.zeros(0))
     covariance: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     predicted: Floats = field(default_factory=lambda: np.zeros(0))
+    held_out_predicted: Floats = field(default_factory=lambda: np.zeros(0))
     residual: Floats = field(default_factory=lambda: np.zeros(0))
     jacobian: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     warnings: tuple[str, ...] = ()
@@ -98,13 +103,13 @@ class Fit:
 class OrderGrid:
     """All orders fitted to one plant: `grid["P2Z1"]`, `grid.best`, `grid.table()`.
 
-    `chosen` is the paper's rule: the smallest order (poles + zeros, then poles) whose FIT is within
+    `held_out` `(n,)` tells the samples of `record` that gave the held-out scores. `chosen` is the paper's rule: the smallest order (poles + zeros, then poles) whose FIT is within
     `fit_loss` points of the best. `chosen_by_bic` has the least BIC. They may differ; both are told.
     """
 
     plant: PlantSpec
     record: Record
-    held_out: Record | None
+    held_out: NDArray[np.bool_]
     fits: Mapping[str, Fit]
     chosen: str
     chosen_by_bic: str

@@ -1,0 +1,65 @@
+"""The entry: records in, an order grid out."""
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from vdmsi_jax.config import IdentifyOptions, PlantSpec
+from vdmsi_jax.data import check_excitation
+from vdmsi_jax.data.record import Record
+from vdmsi_jax.identify.orders import order_grid
+from vdmsi_jax.identify.result import OrderGrid
+
+
+def identify(
+    records: Record | Sequence[Record],
+    plant: str | PlantSpec,
+    *,
+    options: IdentifyOptions | None = None,
+    **overrides: Any,
+) -> OrderGrid:
+    """Fit all orders PxZy to one plant of one or several logs of the same vehicle.
+
+    Coefficients, delay, offset and the initial state of every segment minimise the simulation error
+    (output error). Each order is fitted from several starts and from the orders that it contains.
+
+    **Arguments:**
+
+    - `records`: one record or several; several are held out by whole runs unless `options` say
+      otherwise.
+    - `plant`: "powertrain", "steering", the name of a plant of the configuration, or a `PlantSpec`.
+    - `options`: what to fit and what to hold out; `overrides` replace single fields of it:
+      `identify(log, "steering", poles=(1, 2), delay=False, held_out=0.0)`.
+
+    **Raises:** `InputError` where the channels are missing, do not move, or are too short.
+
+    Works in the precision of JAX: in float32 (the default of JAX) a warning tells what it costs.
+    """
+    several = [records] if isinstance(records, Record) else list(records)
+    if options is None:
+        options = IdentifyOptions(split="run" if len(several) > 1 else "blocks")
+    options = replace(options, **overrides)
+    record = several[0] if len(several) == 1 else Record.concatenate(several)
+    spec = plant if isinstance(plant, PlantSpec) else record.plant(plant)
+    check_excitation(record, spec)
+    if jnp.zeros(()).dtype != jnp.float64:
+        warnings.warn(
+            "identifying in float32: orders above P2 lose digits and may not converge; "
+            'call jax.config.update("jax_enable_x64", True) first',
+            stacklevel=2,
+        )
+    return order_grid(record, _held_out(record, options), spec, options)
+
+
+def _held_out(record: Record, options: IdentifyOptions) -> NDArray[np.bool_]:
+    """Which samples (n,) the held-out scores are for."""
+    mask = np.zeros(record.n, bool)
+    if options.held_out > 0:
+        rows = replace(record, channels={"row": np.arange(record.n, dtype=float)}, filled={})
+        mask[rows.split(options.held_out, by=options.split)[1]["row"].astype(int)] = True
+    return mask

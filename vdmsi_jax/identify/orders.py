@@ -1,0 +1,234 @@
+"""The order grid: all PxZy fitted to one plant, judged on held-out data, and one of them chosen."""
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from vdmsi_jax import metrics
+from vdmsi_jax.config import IdentifyOptions, PlantSpec
+from vdmsi_jax.data.record import Record
+from vdmsi_jax.identify.first_order import first_look
+from vdmsi_jax.identify.layout import Samples, Scale, lay_out
+from vdmsi_jax.identify.response import N_LINEAR, N_MAX
+from vdmsi_jax.identify.result import Fit, Floats, OrderGrid
+from vdmsi_jax.identify.search import Point, Search, simulate_points
+from vdmsi_jax.identify.uncertainty import parameter_covariance, support_warnings
+from vdmsi_jax.models.transfer_function import TransferFunction, improper_reason
+
+_LONGEST_DELAY = 0.1  # of the record, where the user states no bound
+_SAME_AS = "no better than what it contains: "
+
+
+def order_grid(
+    record: Record, held_out: NDArray[np.bool_], plant: PlantSpec, options: IdentifyOptions
+) -> OrderGrid:
+    """Fit every order of `options` to one plant of a record.
+
+    Each order is fitted without the samples of the mask `held_out` (n,) and scored on them; then,
+    from there, on all samples, which gives the model.
+    """
+    proper = [(n, m) for n in options.poles for m in options.zeros if m <= n]
+    longest = _longest_delay(record, options)
+    scale, delays = _scale(record, plant, longest)
+    measured = record.measured(plant.output)
+    samples, where = lay_out(record, plant, scale, measured & ~held_out)
+    search = Search(samples, proper, longest_delay=longest or None, offset=options.offset)
+    starts = {float(delay) for delay in delays} | {0.5 * delays[0]}
+    found = search.run(sorted(starts) if longest else [0.0])
+    scores = {}
+    if held_out.any():
+        seen = np.array([not held_out[s.start : s.stop].all() for s in record.segments])
+        for_free = measured & ~(held_out & np.repeat(seen, [len(s) for s in record.segments]))
+        judging, _ = lay_out(record, plant, scale, for_free)
+        predictions = _simulated(judging, where, found, seen, options)
+        y, hidden = record[plant.output], measured & held_out
+        for order, (_, predicted, _) in predictions.items():
+            predicted = np.where(held_out, predicted * scale.y, np.nan)
+            scores[order] = _Score(
+                float(metrics.fit(y[hidden], predicted[hidden])),
+                float(metrics.mse(y[hidden], predicted[hidden])),
+                predicted,
+            )
+        samples, _ = lay_out(record, plant, scale, measured)
+        search = Search(samples, proper, longest_delay=longest or None, offset=options.offset)
+        found = search.settle(found)
+    everything = np.ones(len(record.segments), bool)
+    details = _simulated(samples, where, found, everything, options)
+    fits = {
+        order: _fit(record, plant, options, scale, point, details[order], scores.get(order))
+        for order, point in found.items()
+    }
+    fits = _never_falling(fits)
+    grid = {
+        f"P{n}Z{m}": fits[n, m]
+        if (n, m) in fits
+        else Fit(f"P{n}Z{m}", plant, improper_reason(n, m) or "")
+        for n in options.poles
+        for m in options.zeros
+    }
+    chosen, by_bic = choose(grid, options.fit_loss)
+    return OrderGrid(plant, record, held_out, grid, chosen, by_bic, options.fit_loss)
+
+
+def choose(fits: dict[str, Fit], fit_loss: float) -> tuple[str, str]:
+    """The order by the paper's rule, and by BIC.
+
+    The paper takes the smallest order whose FIT is hardly below the best (Yan et al. 2023, sec.
+    5.1); size is the number of parameters, fewer poles first.
+    """
+    usable = [fit for fit in fits.values() if fit.ok]
+    best = max(fit.fit for fit in usable)
+    near = [fit for fit in usable if fit.fit >= best - fit_loss]
+    smallest = min(near, key=lambda fit: (fit.n_poles + fit.n_zeros, fit.n_poles))
+    return smallest.order, min(usable, key=lambda fit: fit.bic).order
+
+
+def _scale(record: Record, plant: PlantSpec, longest_delay: int) -> tuple[Scale, tuple[int, ...]]:
+    """Scales of the signals, and the delays (in samples) to start from."""
+    u, y = record.pieces(plant.input), record.pieces(plant.output)
+    look = first_look(u, y, longest_delay)
+    deviation = float(np.std(record[plant.output])) * math.sqrt(record.n)
+    scale = Scale(float(np.std(record[plant.input])), deviation, look.lag * record.dt, record.dt)
+    return scale, look.delays
+
+
+def _longest_delay(record: Record, options: IdentifyOptions) -> int:
+    """Upper bound of the delay in samples; 0 where the delay is not a parameter."""
+    if options.delay is False:
+        return 0
+    bound = (
+        _LONGEST_DELAY * max(len(segment) for segment in record.segments)
+        if options.delay is True
+        else options.delay / record.dt
+    )
+    return max(int(bound), 1)
+
+
+class _Score(NamedTuple):
+    """Score of the fit that did not see the held-out samples, and its prediction (n,) there."""
+
+    fit: float
+    mse: float
+    predicted: Floats
+
+
+def _simulated(
+    samples: Samples,
+    where: NDArray[np.int64],
+    found: dict[tuple[int, int], Point],
+    fitted: NDArray[np.bool_],
+    options: IdentifyOptions,
+) -> dict[tuple[int, int], tuple[Floats, Floats, Floats]]:
+    """Linear parameters, prediction (n,) and sensitivities (n, 13) of every order, scaled."""
+    weights = np.zeros(samples.n_segments)
+    weights[: len(fitted)] = fitted
+    details = simulate_points(
+        samples,
+        jnp.asarray(weights, samples.u.dtype),
+        list(found.values()),
+        delay=options.delay is not False,
+        offset=options.offset,
+    )
+    inside = where >= 0
+    rows = np.argsort(where[inside])
+    return {
+        order: (
+            detail.beta,
+            detail.predicted[inside][rows],
+            np.moveaxis(detail.sensitivities, 1, 2)[inside][rows],
+        )
+        for order, detail in zip(found, details, strict=True)
+    }
+
+
+def _fit(
+    record: Record,
+    plant: PlantSpec,
+    options: IdentifyOptions,
+    scale: Scale,
+    point: Point,
+    simulated: tuple[Floats, Floats, Floats],
+    score: _Score | None,
+) -> Fit:
+    """The result for one order: parameters in units, their covariance, criteria, warnings."""
+    n, m = point.order
+    has_delay = options.delay is not False
+    beta, predicted, sensitivities = simulated
+    names = [f"b{i}" for i in range(m, -1, -1)] + [f"a{i}" for i in range(n - 1, -1, -1)]
+    names += ["delay"] * has_delay + ["offset"] * options.offset
+    # the scaled parameters are a ascending, delay, b ascending, offset
+    columns = [N_MAX + 1 + i for i in range(m, -1, -1)] + list(range(n - 1, -1, -1))
+    columns += [N_MAX] * has_delay + [N_MAX + 1 + N_LINEAR - 1] * options.offset
+    keep = [True] * (n + m + 1) + [has_delay, options.offset]
+    units = scale.to_units(n, m)[keep]
+    parameters = np.concatenate([point.a, [point.d], beta])[columns] * units
+    value = dict(zip(names, parameters.tolist(), strict=True))
+
+    measured = record.measured(plant.output)
+    y, predicted = record[plant.output], predicted * scale.y
+    jacobian = sensitivities[:, columns] * scale.y / units
+    lost = len(parameters) + n * len(record.segments)
+    sensible = np.array([not (name == "delay" and n == m) for name in names])
+    covariance = np.zeros((len(names), len(names)))
+    covariance[np.ix_(sensible, sensible)] = parameter_covariance(
+        np.where(measured[:, None], jacobian, 0.0)[:, sensible],
+        np.where(measured, y - predicted, 0.0),
+        [slice(s.start, s.stop) for s in record.segments],
+        lost,
+    )
+    # a feed-through shows a delay to the sample, and has no slope over it
+    covariance[~sensible, ~sensible] = record.dt**2 / 12
+    num, den = parameters[: m + 1], np.append(1.0, parameters[m + 1 : m + 1 + n])
+    mse = float(metrics.mse(y[measured], predicted[measured]))
+    likelihood = measured.sum() * math.log(max(mse, 1e-300))
+    return Fit(
+        order=f"P{n}Z{m}",
+        plant=plant,
+        status="converged" if point.converged else "rounds exhausted: the search still gained",
+        model=TransferFunction(num, den, delay=value.get("delay"), offset=value.get("offset")),
+        fit=float(metrics.fit(y[measured], predicted[measured])),
+        mse=mse,
+        held_out_fit=score.fit if score else math.nan,
+        held_out_mse=score.mse if score else math.nan,
+        aic=likelihood + 2 * lost,
+        bic=likelihood + math.log(measured.sum()) * lost,
+        parameter_names=tuple(names),
+        parameters=parameters,
+        covariance=covariance,
+        predicted=predicted,
+        held_out_predicted=score.predicted if score else np.zeros(0),
+        residual=np.where(measured, y - predicted, np.nan),
+        jacobian=jacobian,
+        warnings=support_warnings(
+            num,
+            den,
+            covariance[: n + m + 1, : n + m + 1],
+            dt=record.dt,
+            duration=max(len(segment) for segment in record.segments) * record.dt,
+        ),
+    )
+
+
+def _never_falling(fits: dict[tuple[int, int], Fit]) -> dict[tuple[int, int], Fit]:
+    """Let an order that ended below one that it contains be that one, and say so.
+
+    PxZy lies in PxZ(y+1) (no leading coefficient), in P(x+1)Z(y+1) (a cancelling pair) and, unless
+    it has a feed-through, in P(x+1)Zy (a pole too fast to see).
+    """
+    result: dict[tuple[int, int], Fit] = {}
+    for n, m in sorted(fits):
+        inside = [(n, m - 1), (n - 1, m - 1)] + [(n - 1, m)] * (m < n - 1)
+        best = max((result[k] for k in inside if k in result), key=lambda f: f.fit, default=None)
+        own = fits[n, m]
+        if best is None or best.fit <= own.fit:
+            result[n, m] = own
+            continue
+        basis = (
+            best.status.removeprefix(_SAME_AS) if best.status.startswith(_SAME_AS) else best.order
+        )
+        result[n, m] = replace(best, order=own.order, status=f"{_SAME_AS}{basis}")
+    return result

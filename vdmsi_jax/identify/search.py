@@ -1,0 +1,253 @@
+"""The search over one pair of signals: where each order starts, and how orders help each other.
+
+Every order starts from equation-error fits, is refined, and is started again from its neighbours
+with one zero or one pole less, until no order gains: so FIT never falls where orders nest.
+"""
+
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import ShapeDtypeStruct
+from jaxtyping import Array
+
+from vdmsi_jax.identify.equation_error import equation_error
+from vdmsi_jax.identify.layout import Samples
+from vdmsi_jax.identify.refine import Candidate, Judged, judge, refine
+from vdmsi_jax.identify.response import N_MAX, Details, Order, detail
+
+_CUTOFFS = (1.0, 4.0)  # of the first filters, in units of the pole of the best first-order fit
+_NEW_POLES = (0.3, 3.0, 30.0)  # where a nested start puts its extra pole, in the same units
+_FASTEST = (20.0, 200.0)  # or, times the sampling period, where it acts at once
+_STARTS = 2  # how many of an order's candidates are refined
+_ROUNDS = 12
+_GAIN = 1e-5  # relative fall of the residual for which an order's neighbours start again from it
+_LANES = 20
+_MEMORY = 4e8  # bytes of signals that a batch may hold
+_WORKERS = 2
+
+
+@dataclass(frozen=True)
+class Point:
+    """The best found for one order: `a` ascending in scaled time, delay in samples."""
+
+    order: tuple[int, int]
+    a: np.ndarray
+    d: float
+    cost: float = np.inf
+    scale: np.ndarray | None = None
+    converged: bool = False
+
+
+class Search:
+    """All orders over one pair of signals, in batches of one size that share compiled programs.
+
+    **Arguments:**
+
+    - `orders`: pairs of numbers of poles and zeros, zeros not exceeding poles.
+    - `longest_delay`: in samples; None where there is no delay to find.
+    - `offset`: whether the output has an offset to find.
+    """
+
+    def __init__(
+        self,
+        samples: Samples,
+        orders: Iterable[tuple[int, int]],
+        *,
+        longest_delay: float | None,
+        offset: bool,
+    ):
+        self.samples, self.orders = samples, list(orders)
+        self.longest = jnp.asarray(longest_delay or 0.0, float)
+        self.has_delay, self.offset = longest_delay is not None, offset
+        self.lanes = _fitting_lanes(samples, _LANES)
+        self.programs = _compile(_structure(samples), self.lanes)
+
+    def run(self, delays: Sequence[float]) -> dict[tuple[int, int], Point]:
+        """The best found for every order, from starts at each of `delays` (in samples)."""
+        starts = [
+            Point(order, _filter(cutoff, order[0]), delay)
+            for delay in delays
+            for cutoff in _CUTOFFS
+            for order in self.orders
+        ]
+        return self.settle(self._improve({}, self._run("equation_error", starts)))
+
+    def settle(self, best: dict[tuple[int, int], Point]) -> dict[tuple[int, int], Point]:
+        """Refine every order, and from its neighbours, until none gains."""
+        best = {order: replace(point, cost=np.inf) for order, point in best.items()}
+        changed = set(self.orders)
+        for _ in range(_ROUNDS):
+            candidates = [best[order] for order in changed] + self._nested(best, changed)
+            better = self._improve(best, candidates)
+            changed = {o for o in self.orders if better[o].cost < best[o].cost * (1 - _GAIN)}
+            best = better
+            if not changed:
+                break
+        return {o: replace(p, converged=o not in changed) for o, p in best.items()}
+
+    def _improve(
+        self, best: dict[tuple[int, int], Point], candidates: list[Point]
+    ) -> dict[tuple[int, int], Point]:
+        """Refine the most promising candidates of each order and keep the better."""
+        judged = sorted(self._run("judge", candidates), key=lambda point: point.cost)
+        chosen: list[Point] = []
+        for order in self.orders:
+            chosen += _distinct([p for p in judged if p.order == order])[:_STARTS]
+        best = dict(best)
+        for point in chosen + self._run("refine", chosen):
+            if point.order not in best or point.cost <= best[point.order].cost:
+                best[point.order] = point
+        return best
+
+    def _nested(
+        self, best: dict[tuple[int, int], Point], changed: set[tuple[int, int]]
+    ) -> list[Point]:
+        """Starts of each order from its neighbours with a zero or a pole less that have changed."""
+        new_poles = (*_NEW_POLES, *(pole / float(self.samples.dt) for pole in _FASTEST))
+        candidates = []
+        for n, m in self.orders:
+            if (n, m - 1) in changed:
+                candidates.append(Point((n, m), best[n, m - 1].a, best[n, m - 1].d))
+            if n == m and self.has_delay and (n, m) in changed:
+                # with a feed-through the loss steps from sample to sample, and has no slope to follow
+                point = best[n, m]
+                candidates += [Point((n, m), point.a, max(point.d + by, 0.0)) for by in (-1.0, 1.0)]
+            for smaller in ((n - 1, m), (n - 1, m - 1)):
+                if smaller in changed:
+                    point = best[smaller]
+                    # without its feed-through a plant answers a sample later
+                    sooner = 1.0 if smaller == (m, m) and self.has_delay else 0.0
+                    delay = max(point.d - sooner, 0.0)
+                    candidates += [
+                        Point((n, m), _with_pole(point.a, n - 1, p), delay) for p in new_poles
+                    ]
+        return candidates
+
+    def _run(self, name: str, points: list[Point]) -> list[Point]:
+        """What a program makes of all points, a batch at a time, two batches at once."""
+
+        def batch(first: int) -> list[Point]:
+            part = points[first : first + self.lanes]
+            padded = part + part[-1:] * (self.lanes - len(part))
+            start, order = _stack(padded, delay=self.has_delay, offset=self.offset)
+            given = start if name == "refine" else start.candidate
+            out = self.programs[name](given, order, self.samples, self.longest)
+            return _unstack(out, part)
+
+        with ThreadPoolExecutor(_WORKERS) as pool:
+            batches = pool.map(batch, range(0, len(points), self.lanes))
+            return [point for part in batches for point in part]
+
+
+def simulate_points(
+    samples: Samples, fitted: Array, points: Sequence[Point], *, delay: bool, offset: bool
+) -> list[Details]:
+    """`detail` of each point, as NumPy arrays, a few at a time where the record is long."""
+    lanes = _fitting_lanes(samples, len(points))
+    found = []
+    for first in range(0, len(points), lanes):
+        part = list(points[first : first + lanes])
+        start, order = _stack(part + part[-1:] * (lanes - len(part)), delay=delay, offset=offset)
+        out = jax.tree.map(np.asarray, _detail(start.candidate, order, samples, fitted))
+        found += [jax.tree.map(lambda leaf, i=i: leaf[i], out) for i in range(len(part))]
+    return found
+
+
+@jax.jit
+def _detail(candidate: Candidate, order: Order, samples: Samples, fitted: Array) -> Details:
+    return jax.vmap(lambda c, o: detail(c.a, c.d, o, samples, fitted))(candidate, order)
+
+
+def _fitting_lanes(samples: Samples, wanted: int) -> int:
+    return int(np.clip(_MEMORY / (30 * 8 * samples.u.size), 1, wanted))
+
+
+def _stack(points: Sequence[Point], *, delay: bool, offset: bool) -> tuple[Judged, Order]:
+    scale = [np.ones(N_MAX + 1) if p.scale is None else p.scale for p in points]
+    real = jnp.zeros(()).dtype
+    candidate = Candidate(
+        jnp.asarray(np.stack([p.a for p in points]), real),
+        jnp.asarray(np.array([p.d for p in points]), real),
+    )
+    cost = jnp.asarray(np.array([p.cost for p in points]), real)
+    order = Order(
+        jnp.asarray(np.array([p.order[0] for p in points])),
+        jnp.asarray(np.array([p.order[1] for p in points])),
+        jnp.full(len(points), delay),
+        jnp.full(len(points), offset),
+    )
+    return Judged(candidate, cost, jnp.asarray(np.stack(scale), real)), order
+
+
+def _unstack(out: Judged | Candidate, points: Sequence[Point]) -> list[Point]:
+    judged = out if isinstance(out, Judged) else None
+    candidate = out.candidate if isinstance(out, Judged) else out
+    a, d = np.asarray(candidate.a), np.asarray(candidate.d)
+    if judged is None:
+        return [Point(p.order, a[i], float(d[i])) for i, p in enumerate(points)]
+    cost, scale = np.asarray(judged.cost), np.asarray(judged.scale)
+    return [
+        Point(p.order, a[i], float(d[i]), float(cost[i]), scale[i]) for i, p in enumerate(points)
+    ]
+
+
+def _distinct(points: list[Point]) -> list[Point]:
+    """Leave out points whose cost says that they are an earlier one again."""
+    kept: list[Point] = []
+    for point in points:
+        if all(abs(point.cost - other.cost) > 1e-6 * other.cost for other in kept):
+            kept.append(point)
+    return kept
+
+
+def _filter(cutoff: float, n: int) -> np.ndarray:
+    """Coefficients ascending of (s + cutoff)^n without the leading 1, padded to N_MAX."""
+    return np.pad(np.poly(np.full(n, -cutoff))[:0:-1], (0, N_MAX - n))
+
+
+def _with_pole(a: np.ndarray, n: int, pole: float) -> np.ndarray:
+    """Coefficients ascending of (s^n + ... + a_0) (s + pole), padded to N_MAX."""
+    product = np.convolve(np.append(a[:n], 1.0), [pole, 1.0])[: n + 1]
+    return np.pad(product, (0, N_MAX - n - 1))
+
+
+_Structure = tuple[tuple[tuple[tuple[int, ...], str], ...], Any]
+
+
+def _structure(samples: Samples) -> _Structure:
+    leaves, tree = jax.tree.flatten(samples)
+    return tuple((leaf.shape, leaf.dtype.name) for leaf in leaves), tree
+
+
+@lru_cache(maxsize=16)
+def _compile(structure: _Structure, lanes: int) -> dict[str, Any]:
+    """The programs for samples of one structure, compiled side by side."""
+    shapes, tree = structure
+    samples = jax.tree.unflatten(tree, [ShapeDtypeStruct(s, d) for s, d in shapes])
+    start, order = _stack([Point((1, 0), np.zeros(N_MAX), 0.0)] * lanes, delay=True, offset=True)
+    longest = jnp.zeros(())
+
+    def of_lanes(one: Any) -> Any:
+        return jax.jit(
+            lambda points, order, samples, longest: jax.vmap(
+                lambda p, o: one(p, o, samples, longest)
+            )(points, order)
+        )
+
+    lowered = {
+        "refine": of_lanes(refine).lower(start, order, samples, longest),
+        "equation_error": of_lanes(lambda p, o, s, _: equation_error(p, o, s)).lower(
+            start.candidate, order, samples, longest
+        ),
+        "judge": of_lanes(judge).lower(start.candidate, order, samples, longest),
+    }
+    with ThreadPoolExecutor(_WORKERS) as pool:
+        return dict(
+            zip(lowered, pool.map(lambda low: low.compile(), lowered.values()), strict=True)
+        )
