@@ -10,9 +10,9 @@ help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
 
 demo: .venv/.core  ## identify the demo logs, then simulate with what was found
-	$(BIN)/vdmsi identify configs/demo/powertrain.csv configs/demo/steering.csv \
+	$(BIN)/vdmsi identify configs/demo/powertrain_steps.csv configs/demo/steering_steps.csv \
 	    --config configs/demo/vehicle.toml --out out/demo/identify
-	$(BIN)/vdmsi simulate out/demo/identify/identify.json configs/demo/drive.csv \
+	$(BIN)/vdmsi simulate out/demo/identify/identify.json configs/demo/bend.csv configs/demo/s_curve.csv \
 	    --config configs/demo/vehicle.toml --out out/demo/simulate
 	@echo "Open out/demo/identify/report.html and out/demo/simulate/report.html"
 

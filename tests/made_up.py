@@ -82,17 +82,24 @@ def fit(order: str, of: Record) -> Fit:
         parameters=values,
         covariance=np.diag((0.03 * values) ** 2),
         predicted=simulated,
+        held_out_predicted=np.where(held_out(of), simulated, np.nan),
         residual=residual,
         jacobian=rng.standard_normal((of.n, len(values))),
         warnings=("a pole and a zero nearly cancel at -8 rad/s",) if order == "P5Z5" else (),
     )
 
 
+def held_out(of: Record) -> np.ndarray:
+    mask = np.zeros(of.n, bool)
+    mask[of.n * 3 // 8 : of.n // 2] = mask[of.n * 7 // 8 :] = True
+    return mask
+
+
 def order_grid() -> OrderGrid:
     log = record()
     orders = [f"P{poles}Z{zeros}" for poles in range(1, 6) for zeros in range(6)]
     fits = {order: fit(order, log) for order in orders}
-    return OrderGrid(STEERING, log, None, fits, chosen="P2Z1", chosen_by_bic="P3Z2", fit_loss=0.5)
+    return OrderGrid(STEERING, log, held_out(log), fits, "P2Z1", "P3Z2", fit_loss=0.5)
 
 
 def comparison() -> Comparison:

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from . import __version__
-from .config import DEFAULT_PLANTS, Config, IdentifyOptions, PlantSpec, load_config
-from .data.datasets import data_folder
+from .config import DEFAULT_PLANTS, IdentifyOptions, PlantSpec, load_config
+from .data.datasets import find_log
 from .data.read import read_log
 from .data.record import Record
 from .errors import InputError, nearest
@@ -93,11 +93,12 @@ def plan(config: str | Path, out: str | Path) -> list[Cell]:
     if sweep.sweep is None:
         mend = 'add runs = [{ log = "run.csv", config = "vehicle.toml" }, ...]'
         raise InputError(sweep.source, "[sweep]", "missing", mend)
+    beside = Path(config).parent
     folder, cells = output_folder(Path(out) / "cells"), []
     for i, run in enumerate(sweep.sweep.runs, start=1):
         place = f"[sweep] runs {i}"
-        log = _find(run.log, sweep, f"{place} log")
-        own = None if run.config is None else _find(run.config, sweep, f"{place} config")
+        log = find_log(run.log, beside)
+        own = None if run.config is None else beside / run.config
         plants = {p.name: p for p in load_config(own).plants or DEFAULT_PLANTS}
         for name in run.plants or plants:
             if name not in plants:
@@ -128,17 +129,6 @@ def summarise(cells: Sequence[Cell], results: Sequence[dict[str, Any]]) -> list[
 @functools.lru_cache(maxsize=2)
 def _read(log: Path, config: Path | None) -> Record:
     return read_log(log, config)
-
-
-def _find(name: str, sweep: Config, place: str) -> Path:
-    """A file that a sweep names: beside the sweep file, or among the data sets."""
-    beside = Path(sweep.source).parent / name
-    shared = data_folder()
-    for candidate in (beside, *([shared / name] if shared else [])):
-        if candidate.is_file():
-            return candidate
-    mend = "name it from the sweep file's folder, or from the folder that VDMSI_DATA names"
-    raise InputError(sweep.source, place, f"there is no file {name}", mend)
 
 
 def _fingerprint(log: Path, config: Path | None, plant: PlantSpec, options: IdentifyOptions) -> str:

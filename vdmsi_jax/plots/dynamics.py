@@ -17,7 +17,7 @@ from ..bands import (
 )
 from ..data.record import Record
 from ..identify.result import Fit
-from .style import COLOURS, INK, MUTED, WIDTH, pretty_unit, styled
+from .style import COLOURS, INK, MUTED, WIDTH, legend_above, pretty_unit, styled
 
 CHI_SQUARE_95 = 5.991
 """Of two degrees of freedom: the squared radius of a 95 % ellipse."""
@@ -70,6 +70,8 @@ def _pole_zero_map(axes: Axes, poles: list[Root], zeros: list[Root]) -> None:
     reach = sizes.max(initial=1.0)
     spread = sizes.size > 0 and reach > 30.0 * sizes.min()
     for roots, marker, label in ((poles, "x", "poles"), (zeros, "o", "zeros")):
+        if not roots:
+            continue
         tone = COLOURS["VDM-SI"] if marker == "x" else COLOURS["VDM"]
         for root in roots:
             _interval(axes, root, tone, reach)
@@ -90,7 +92,7 @@ def _pole_zero_map(axes: Axes, poles: list[Root], zeros: list[Root]) -> None:
     axes.set_title("poles and zeros (95 %)")
     axes.set_xlabel("real part (rad/s)")
     axes.set_ylabel("imaginary part (rad/s)")
-    axes.legend(loc="upper left", handletextpad=0.3)
+    legend_above(axes, handletextpad=0.3)
 
 
 def _logarithmic(axes: Axes, threshold: float) -> None:

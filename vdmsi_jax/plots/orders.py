@@ -55,15 +55,19 @@ def order_grid(grid: OrderGrid) -> Figure:
             linestyle=(0, (2, 1.5)),
             label=f"least BIC: {grid.chosen_by_bic}",
         ),
-        Patch(facecolor="#f3f4f6", edgecolor="#c5cad1", hatch="////", label="no model"),
-        Patch(facecolor="#fbe9dd", edgecolor="none", label=f"FIT below {LOW_FIT:.0f} %"),
     ]
+    if any(not fit.ok for fit in grid.fits.values()):
+        hatched = Patch(facecolor="#f3f4f6", edgecolor="#c5cad1", hatch="////", label="no model")
+        handles.append(hatched)
+    if any(fit.ok and not fit.fit >= LOW_FIT for fit in grid.fits.values()):
+        pale = Patch(facecolor="#fbe9dd", edgecolor="none", label=f"FIT below {LOW_FIT:.0f} %")
+        handles.append(pale)
     figure.legend(handles=handles, loc="outside lower center", ncols=4, handlelength=1.4)
     return figure
 
 
 def _power_of_ten(value: float) -> str:
-    mantissa, exponent = f"{value:.1e}".split("e")
+    mantissa, exponent = f"{value:.2e}".split("e")
     return rf"${mantissa}\cdot10^{{{int(exponent)}}}$"
 
 

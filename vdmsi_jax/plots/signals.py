@@ -1,6 +1,7 @@
 """Signals over time: what was measured under what a model says."""
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..compare import Comparison
@@ -32,25 +33,37 @@ def with_gaps(record: Record, values: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return np.insert(record.t, stops, np.nan), np.insert(np.asarray(values, float), stops, np.nan)
 
 
-def line(axes, record: Record, values: np.ndarray, **options) -> None:
+def line(axes: Axes, record: Record, values: np.ndarray, **options) -> None:
     """Draw samples of a record over its time, gaps left open."""
     t, y = with_gaps(record, values)
     axes.plot(*envelope(t, y), **options)
 
 
+def shade_held_out(axes: Axes, grid: OrderGrid) -> None:
+    """Tint the stretches of time that are held out for the held-out score."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], grid.held_out, [0]])))
+    for start, stop in edges.reshape(-1, 2):
+        span = grid.record.t[[start, stop - 1]]
+        axes.axvspan(*span, color=COLOURS["held out"], alpha=0.12, lw=0)
+
+
 @styled
 def fitted(grid: OrderGrid, order: str | None = None) -> Figure:
-    """Command, measured response and free-run simulation of one order; the chosen one by
-    default."""
+    """Command, measured response and free-run simulation of one order, the chosen one by default;
+    and, over the stretches that are held out, what a fit without them predicts there."""
     fit = grid.best if order is None else grid[order]
     record, output, command = grid.record, grid.plant.output, grid.plant.input
     figure = Figure(figsize=(WIDTH, 3.0))
     axes = figure.subplots()
+    shade_held_out(axes, grid)
     if record.units.get(command) == record.units.get(output):
         line(axes, record, record[command], color=COLOURS["command"], lw=1.0, label="command")
     line(axes, record, record[output], color=COLOURS["measured"], lw=1.0, label="measured")
     label = f"{fit.order}, FIT {fit.fit:.2f} %"
     line(axes, record, fit.predicted, color=COLOURS["VDM-SI"], lw=1.5, label=label)
+    if grid.held_out.any() and fit.held_out_predicted.size:
+        unseen, label = COLOURS["held out"], f"held out, FIT {fit.held_out_fit:.2f} %"
+        line(axes, record, fit.held_out_predicted, color=unseen, lw=1.5, label=label)
     axes.set_xlabel("time t (s)")
     axes.set_ylabel(channel_label(record, output))
     axes.set_title(grid.plant.name)

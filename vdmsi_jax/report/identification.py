@@ -61,7 +61,7 @@ def _plant(name: str, grid: OrderGrid) -> Section:
         Text(_choice(grid)),
         Picture(
             plots.to_svg(plots.order_grid(grid), f"{name}-grid"),
-            "FIT and MSE of every order on the training samples.",
+            "FIT and MSE of every order, fitted to all samples.",
         ),
         _orders(grid),
     ]

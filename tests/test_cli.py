@@ -1,0 +1,245 @@
+"""The command line as a user meets it: exit codes, one-line refusals, result files, resumption."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vdmsi_jax.cli import main
+
+DEMO = Path(__file__).parents[1] / "configs" / "demo"
+FEW_ORDERS = """
+[vehicle]
+l_f = 1.75
+l_r = 1.20
+
+[identify]
+poles = [1, 2]
+zeros = [0, 1, 2]
+"""
+
+
+@pytest.fixture(scope="session")
+def cache(tmp_path_factory):
+    """Compiled programs of these tests, so that only the first of them compiles."""
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture
+def vdmsi(cache):
+    """Run the command in a process of its own; `then` is executed after it, before it ends."""
+
+    def run(*arguments, then=""):
+        program = f"""
+import sys
+from vdmsi_jax.cli import main
+try:
+    main({[str(a) for a in arguments]!r})
+finally:
+    {then or "pass"}
+"""
+        environment = os.environ | {"XDG_CACHE_HOME": str(cache), "COLUMNS": "200"}
+        environment.pop("JAX_COMPILATION_CACHE_DIR", None)
+        return subprocess.run(
+            [sys.executable, "-c", program],
+            capture_output=True,
+            text=True,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+        )
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def settings(tmp_path_factory):
+    path = tmp_path_factory.mktemp("config") / "vehicle.toml"
+    path.write_text(FEW_ORDERS)
+    return path
+
+
+def refused(done) -> str:
+    assert done.returncode == 2, done.stderr
+    assert done.stdout == ""
+    assert done.stderr.endswith("\n") and done.stderr.count("\n") == 1, done.stderr
+    assert "Traceback" not in done.stderr
+    return done.stderr
+
+
+@pytest.mark.parametrize("command", [[], ["identify"], ["simulate"], ["sweep"]])
+def test_help_explains_itself_without_waiting_for_jax(vdmsi, command):
+    told = "print(sorted({'jax', 'matplotlib', 'diffrax'} & set(sys.modules)), file=sys.stderr)"
+    done = vdmsi(*command, "--help", then=told)
+    assert (done.returncode, done.stderr.strip()) == (0, "[]")
+    assert "vdmsi" in done.stdout
+
+
+def test_version(vdmsi):
+    done = vdmsi("--version")
+    assert done.returncode == 0
+    assert done.stdout.startswith("vdmsi ") and done.stderr == ""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ([], "identify"),
+        (["idntify"], "identify"),
+        (["identify", "run.csv"], "--out"),
+        (["identify", "run.csv", "--out", "OUT", "--nosuch"], "--nosuch"),
+        (["identify", "--out", "OUT"], "no log"),
+        (["identify", "no.csv", "--out", "OUT"], "no.csv"),
+        (["identify", "LOG", "--config", "no.toml", "--out", "OUT"], "no.toml"),
+        (["identify", "LOG", "--out", "LOG"], "--out"),
+        (["simulate", "no.json", "LOG", "--out", "OUT"], "no.json"),
+        (["simulate", "LOG", "LOG", "--out", "OUT"], "no JSON"),
+        (["simulate", "LOG", "LOG", "--out", "OUT", "--window", "-1"], "--window"),
+        (["sweep", "no.toml", "--out", "OUT"], "no.toml"),
+        (["sweep", "VEHICLE", "--out", "OUT"], "[sweep]"),
+    ],
+)
+def test_what_is_wrong_is_told_in_one_line(vdmsi, tmp_path, arguments, told):
+    names = {
+        "LOG": DEMO / "bend.csv",
+        "OUT": tmp_path / "out",
+        "VEHICLE": DEMO / "vehicle.toml",
+    }
+    assert told in refused(vdmsi(*(names.get(a, a) for a in arguments)))
+
+
+def test_an_unknown_key_is_answered_with_the_nearest_right_one(vdmsi, tmp_path):
+    (tmp_path / "vehicle.toml").write_text("[vehicle]\nl_f = 1.0\nl_rr = 1.0\n")
+    config = ["--config", tmp_path / "vehicle.toml"]
+    done = vdmsi("identify", DEMO / "bend.csv", *config, "--out", tmp_path)
+    assert "did you mean 'l_r'" in refused(done)
+
+
+def test_a_constant_command_is_refused(vdmsi, tmp_path):
+    t = np.arange(500) * 0.01
+    rows = "\n".join(f"{time:.2f},1,{v:.3f}" for time, v in zip(t, np.sin(t), strict=True))
+    (tmp_path / "log.csv").write_text(f"t,v_cmd,v\n{rows}\n")
+    assert "v_cmd" in refused(vdmsi("identify", tmp_path / "log.csv", "--out", tmp_path))
+
+
+@pytest.fixture(scope="module")
+def identified(tmp_path_factory, cache, settings):
+    """Identify both step logs together, in a process that may not import matplotlib."""
+    out = tmp_path_factory.mktemp("identified")
+    logs = [str(DEMO / "powertrain_steps.csv"), str(DEMO / "steering_steps.csv")]
+    arguments = ["identify", *logs, "--config", str(settings), "--out", str(out), "--no-report"]
+    program = f"""
+import sys
+sys.modules["matplotlib"] = None
+from vdmsi_jax.cli import main
+main({arguments!r})
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        env=os.environ | {"XDG_CACHE_HOME": str(cache), "COLUMNS": "200"},
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    assert os.listdir(out) == ["identify.json"]
+    return out, done.stdout
+
+
+def test_identify_needs_no_matplotlib_and_fits_each_plant_where_it_moves(identified):
+    out, said = identified
+    document = json.loads((out / "identify.json").read_text())
+    powertrain, steering = (document["plants"][name] for name in ("powertrain", "steering"))
+    best = {name: p["orders"][p["chosen"]] for name, p in document["plants"].items()}
+    assert len(powertrain["orders"]) == len(steering["orders"]) == 6
+    # The truth (configs/demo/make_logs.py): 45 ms of steering delay, a gain of 0.93.
+    assert best["steering"]["delay"] == pytest.approx(0.045, abs=0.005)
+    gain = best["steering"]["num"][-1] / best["steering"]["den"][-1]
+    assert gain == pytest.approx(0.93, abs=0.02)
+    assert best["powertrain"]["fit"] > 87.0
+    assert "powertrain" in said and f"{best['powertrain']['fit']:.2f}" in said
+
+
+def test_the_cache_of_compiled_programs_is_filled(identified, cache):
+    assert any((cache / "vdmsi_jax" / "xla").iterdir())
+
+
+def test_simulate_writes_scores_trajectories_and_a_report(identified, vdmsi, tmp_path):
+    out, _ = identified
+    logs = [DEMO / "bend.csv", DEMO / "s_curve.csv"]
+    done = vdmsi("simulate", out / "identify.json", *logs, "--out", tmp_path / "new" / "folder")
+    assert (done.returncode, done.stderr) == (0, "")
+    results = tmp_path / "new" / "folder"
+    document = json.loads((results / "simulation.json").read_text())
+    assert document["schema"] == "vdmsi.simulation/1"
+    for run, log in zip(document["runs"], ("bend", "s_curve"), strict=True):
+        assert Path(run["log"]).stem == log
+        assert {"fit", "mse"} == set(run["channels"]["v"])
+        for statistic in ("max", "mean", "rmse"):  # identified actuators halve the error at least
+            assert 0.0 < run["vdm_si"]["ate"][statistic] < 0.5 * run["vdm"]["ate"][statistic]
+        for model in ("measured", "vdm", "vdm_si"):
+            assert np.loadtxt(results / f"{log}.{model}.tum").shape[1] == 8
+    html = (results / "report.html").read_text()
+    assert html.startswith("<!doctype html>") and html.count("<svg") == 6
+    assert not [name for name in os.listdir(results) if name.startswith(".")]
+
+
+def test_a_sweep_goes_on_where_it_was_stopped(vdmsi, tmp_path, settings):
+    config = tmp_path / "sweep.toml"
+    runs = [
+        (DEMO / "powertrain_steps.csv", "powertrain"),
+        (DEMO / "steering_steps.csv", "steering"),
+    ]
+    config.write_text(
+        "[identify]\npoles = [1, 2]\nzeros = [0, 1, 2]\n[sweep]\nruns = [\n"
+        + "".join(
+            f'{{ log = "{log}", config = "{settings}", plants = ["{plant}"] }},\n'
+            for log, plant in runs
+        )
+        + "]\n"
+    )
+    done = vdmsi("sweep", config, "--out", tmp_path / "out")
+    assert (done.returncode, done.stderr) == (0, "")
+    cells = sorted((tmp_path / "out" / "cells").iterdir())
+    assert len(cells) == 2
+    finished = {cell: cell.stat().st_mtime_ns for cell in cells}
+    summary = (tmp_path / "out" / "sweep.json").read_text()
+
+    cells[0].unlink()  # as if the sweep had been stopped before it
+    cells[1].write_text(cells[1].read_text())
+    kept = cells[1].stat().st_mtime_ns
+    done = vdmsi("sweep", config, "--out", tmp_path / "out")
+    assert done.returncode == 0
+    assert cells[0].stat().st_mtime_ns != finished[cells[0]]
+    assert cells[1].stat().st_mtime_ns == kept, "a finished cell was made again"
+    assert (tmp_path / "out" / "sweep.json").read_text() == summary
+
+    config.write_text(config.read_text().replace("[identify]", "[identify]\nfit_loss = 30.0"))
+    assert vdmsi("sweep", config, "--out", tmp_path / "out").returncode == 0
+    assert json.loads(cells[0].read_text())["chosen"] == "P1Z0", "a changed cell was kept"
+
+
+def test_a_refused_log_does_not_stop_a_sweep(vdmsi, tmp_path, settings):
+    (tmp_path / "bad.csv").write_text("t,v_cmd,v\n0,1,oops\n")
+    config = tmp_path / "sweep.toml"
+    good = DEMO / "steering_steps.csv"
+    config.write_text(
+        "[identify]\npoles = [1, 2]\nzeros = [0, 1, 2]\n[sweep]\nruns = [\n"
+        f'{{ log = "bad.csv", config = "{settings}", plants = ["powertrain"] }},\n'
+        f'{{ log = "{good}", config = "{settings}", plants = ["steering"] }}]\n'
+    )
+    done = vdmsi("sweep", config, "--out", tmp_path / "out")
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1 and "bad.csv" in done.stderr
+    rows = json.loads((tmp_path / "out" / "sweep.json").read_text())["cells"]
+    assert "refused" in rows[0] and rows[1]["fit"] > 80.0
+
+
+def test_main_leaves_with_code_two_in_process_too(tmp_path, capsys):
+    with pytest.raises(SystemExit) as leaving:
+        main(["identify", str(tmp_path / "no.csv"), "--out", str(tmp_path)])
+    assert leaving.value.code == 2
+    assert "no.csv" in capsys.readouterr().err
