@@ -13,7 +13,7 @@ decides its error. There are three:
 import equinox as eqx
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from vdmsi_jax.models.linear_plant import LinearPlant
 from vdmsi_jax.models.plant import AbstractPlant, AbstractTrace, PlantResponse
@@ -44,14 +44,14 @@ class FollowedAtOnce(AbstractPlant):
 
     def trace(
         self,
-        u: Float[Array, " N"],
-        dt: float | Float[Array, ""],
+        u: Float[ArrayLike, " N"],
+        dt: Float[ArrayLike, ""],
         x0: Float[Array, " n"] | None = None,
     ) -> HeldTrace:
         """The command itself. There is no state, and `x0` is ignored."""
         return HeldTrace(jnp.asarray(u, float), jnp.asarray(dt, float))
 
-    def jump(self, dt: float | Float[Array, ""]) -> None:
+    def jump(self, dt: Float[ArrayLike, ""]) -> None:
         """Nothing happens between the rows."""
         return None
 
@@ -104,8 +104,8 @@ class RateLimited(AbstractPlant):
 
     def trace(
         self,
-        u: Float[Array, " N"],
-        dt: float | Float[Array, ""],
+        u: Float[ArrayLike, " N"],
+        dt: Float[ArrayLike, ""],
         x0: Float[Array, " n"] | None = None,
     ) -> RampTrace:
         """The ramps. `x0` is the response at the first row, `()` or `(1,)`; `None`: the command."""
@@ -118,7 +118,7 @@ class RateLimited(AbstractPlant):
         y0 = u[0] if x0 is None else jnp.reshape(x0, ())
         return RampTrace(lax.scan(approach, y0, u)[1], u, self.rate, dt)
 
-    def jump(self, dt: float | Float[Array, ""]) -> None:
+    def jump(self, dt: Float[ArrayLike, ""]) -> None:
         """The kink where a command is reached differs from row to row and is not told here."""
         return None
 

@@ -4,7 +4,7 @@ instant."""
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from vdmsi_jax.models.plant import AbstractPlant, AbstractTrace, PlantResponse
 from vdmsi_jax.models.state_space import Motion, StateSpace, propagate
@@ -56,8 +56,11 @@ class LinearTrace(AbstractTrace):
             return self.plant.shift(self._from_rows(*self.plant.system.ahead(tau)))
         jump = self.dt - self.lead.early
         jumped = tau >= jump
-        before = self._from_rows(*self.plant.system.ahead(jnp.where(jumped, 0.0, tau)))
-        after = self._from_jumps(*self.plant.system.ahead(jnp.where(jumped, tau - jump, 0.0)))
+        since = jnp.concatenate([jnp.where(jumped, 0.0, tau), jnp.where(jumped, tau - jump, 0.0)])
+        functions, gains = self.plant.system.ahead(since)
+        split = tau.shape[0]
+        before = self._from_rows(functions[:, :split], gains[:split])
+        after = self._from_jumps(functions[:, split:], gains[split:])
         return self.plant.shift(jnp.where(jumped, after, before))
 
     def travelled(self) -> Float[Array, " N"]:
@@ -109,11 +112,12 @@ class LinearPlant(AbstractPlant):
         """`y` with the offset added."""
         return y if self.offset is None else y + self.offset
 
-    def jump(self, dt: float | Float[Array, ""]) -> Float[Array, ""] | None:
+    def jump(self, dt: Float[ArrayLike, ""]) -> Float[Array, ""] | None:
         """Time after each row at which the delayed command jumps, in `(0, dt]` s; `None` without a
         delay."""
         if self.delay is None:
             return None
+        dt = jnp.asarray(dt, float)
         return dt - _whole_and_rest(self.delay, dt)[1]
 
     def initial_state(
@@ -130,8 +134,8 @@ class LinearPlant(AbstractPlant):
 
     def trace(
         self,
-        u: Float[Array, " N"],
-        dt: float | Float[Array, ""],
+        u: Float[ArrayLike, " N"],
+        dt: Float[ArrayLike, ""],
         x0: Float[Array, " n"] | None = None,
     ) -> LinearTrace:
         """The motion under the commands `u`, held for `dt` seconds each.
@@ -171,7 +175,7 @@ class LinearPlant(AbstractPlant):
         return LinearPlant(system, rest, self.slowest, self.delay, self.offset)
 
 
-def _whole_and_rest(delay: Array, dt: float | Array) -> tuple[Array, Array]:
+def _whole_and_rest(delay: Array, dt: Array) -> tuple[Array, Array]:
     """`delay = whole * dt - early` with an integer `whole` and `0 <= early < dt`; the derivative
     goes into `early`."""
     whole = jnp.ceil(jax.lax.stop_gradient(delay) / dt)

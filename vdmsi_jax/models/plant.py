@@ -4,7 +4,8 @@ import abc
 from typing import TYPE_CHECKING
 
 import equinox as eqx
-from jaxtyping import Array, Float
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Float
 
 if TYPE_CHECKING:
     from vdmsi_jax.models.linear_plant import LinearPlant
@@ -47,8 +48,8 @@ class AbstractPlant(eqx.Module):
     @abc.abstractmethod
     def trace(
         self,
-        u: Float[Array, " N"],
-        dt: float | Float[Array, ""],
+        u: Float[ArrayLike, " N"],
+        dt: Float[ArrayLike, ""],
         x0: Float[Array, " n"] | None = None,
     ) -> AbstractTrace:
         """The motion under the commands `u`, held for `dt` seconds each.
@@ -61,7 +62,7 @@ class AbstractPlant(eqx.Module):
         """
 
     @abc.abstractmethod
-    def jump(self, dt: float | Float[Array, ""]) -> Float[Array, ""] | None:
+    def jump(self, dt: Float[ArrayLike, ""]) -> Float[Array, ""] | None:
         """Time after each row, in `(0, dt]` s, at which the response may be no smooth function of
         time because a delayed command jumps; `None` where that happens at rows only."""
 
@@ -75,8 +76,8 @@ class AbstractPlant(eqx.Module):
 
     def simulate(
         self,
-        u: Float[Array, " N"],
-        dt: float | Float[Array, ""],
+        u: Float[ArrayLike, " N"],
+        dt: Float[ArrayLike, ""],
         x0: Float[Array, " n"] | None = None,
     ) -> PlantResponse:
         """Exact response to commands that are held between the rows.
@@ -86,4 +87,9 @@ class AbstractPlant(eqx.Module):
         or records run under `jax.vmap`, thousands in bounded memory under
         `jax.lax.map(..., batch_size=50)`. Arguments as in `trace`.
         """
-        return self.trace(u, dt, x0).rows()
+        return _rows(self, jnp.asarray(u, float), jnp.asarray(dt, float), x0)
+
+
+@eqx.filter_jit
+def _rows(plant: AbstractPlant, u: Array, dt: Array, x0: Array | None) -> PlantResponse:
+    return plant.trace(u, dt, x0).rows()

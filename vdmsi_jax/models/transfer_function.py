@@ -3,6 +3,7 @@ realisation."""
 
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Complex, Float
@@ -84,20 +85,16 @@ class TransferFunction(AbstractPlant):
         integrator."""
         return self.num[-1] / self.den[-1]
 
-    def frequency_response(self, omega: Float[Array, "*w"]) -> Complex[Array, "*w"]:
+    def frequency_response(self, omega: Float[ArrayLike, "*w"]) -> Complex[Array, "*w"]:
         """Gain and phase at `omega` rad/s, the delay included, the offset left out."""
         s = 1j * jnp.asarray(omega)
         response = jnp.polyval(self.num, s) / jnp.polyval(self.den, s)
         return response if self.delay is None else response * jnp.exp(-s * self.delay)
 
-    def step_response(self, t: Float[Array, " k"]) -> Float[Array, " k"]:
+    def step_response(self, t: Float[ArrayLike, " k"]) -> Float[Array, " k"]:
         """Response at the times `t` (s, any spacing) to a unit step at 0 from rest, the offset left
         out."""
-        system = self.to_state_space()
-        since = jnp.asarray(t) if self.delay is None else jnp.asarray(t) - self.delay
-        begun = since >= 0
-        _, states = jax.vmap(system.discretise)(jnp.where(begun, since, 0.0))
-        return jnp.where(begun, states @ system.C + system.D, 0.0)
+        return _step_response(self, jnp.asarray(t, float))
 
     def to_state_space(self, order: int | None = None) -> StateSpace:
         """The dynamics without delay and offset, realised well-conditioned.
@@ -143,14 +140,14 @@ class TransferFunction(AbstractPlant):
 
     def trace(
         self,
-        u: Float[Array, " N"],
-        dt: float | Float[Array, ""],
+        u: Float[ArrayLike, " N"],
+        dt: Float[ArrayLike, ""],
         x0: Float[Array, " n"] | None = None,
     ) -> LinearTrace:
         """The motion over a record, to be read at any instant; arguments as in `simulate`."""
         return self.to_plant().trace(u, dt, x0)
 
-    def jump(self, dt: float | Float[Array, ""]) -> Float[Array, ""] | None:
+    def jump(self, dt: Float[ArrayLike, ""]) -> Float[Array, ""] | None:
         """Time after each row at which the delayed command jumps, s; `None` without a delay."""
         return self.to_plant().jump(dt)
 
@@ -179,6 +176,15 @@ class TransferFunction(AbstractPlant):
             ValueError: it is discrete, improper, or has several inputs or outputs.
         """
         return cls(*exchange.coefficients_from_control(system))
+
+
+@eqx.filter_jit
+def _step_response(model: TransferFunction, t: Array) -> Array:
+    system = model.to_state_space()
+    since = t if model.delay is None else t - model.delay
+    begun = since >= 0
+    _, states = jax.vmap(system.discretise)(jnp.where(begun, since, 0.0))
+    return jnp.where(begun, states @ system.C + system.D, 0.0)
 
 
 def _roots(coefficients: Array) -> Complex[Array, " k"]:
