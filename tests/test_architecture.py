@@ -68,7 +68,8 @@ def test_imports_go_downward_only(path):
     upward = [
         f"{path.name}:{line} imports {name}"
         for name, line in imports(path)
-        if name.startswith("vdmsi_jax.") and floor(name.split(".")[1]) > here
+        if name.startswith("vdmsi_jax.") and name != "vdmsi_jax.__version__"
+        if floor(name.split(".")[1]) > here
     ]
     assert not upward
 
@@ -76,6 +77,21 @@ def test_imports_go_downward_only(path):
 def test_the_public_names_come_from_below_the_plots():
     homes = {name.split(".")[1] for name, _ in imports(PACKAGE / "__init__.py") if "_jax." in name}
     assert all(floor(home) < floor("plots") for home in homes)
+
+
+def test_every_public_name_stands_for_type_checkers_too():
+    seen = {
+        name.rsplit(".", 1)[1] for name, _ in imports(PACKAGE / "__init__.py") if "_jax." in name
+    }
+    assert seen == set(vdmsi_jax.__all__)
+
+
+def test_a_verb_stays_the_verb_when_its_module_is_imported():
+    for name in vdmsi_jax.__all__:
+        assert not inspect.ismodule(getattr(vdmsi_jax, name)), name
+    for verb in ("identify", "simulate", "compare"):
+        importlib.import_module(f"vdmsi_jax.{verb}")
+        assert callable(getattr(vdmsi_jax, verb))
 
 
 def test_only_plots_imports_matplotlib():

@@ -9,25 +9,59 @@ import sys
 import types
 from typing import TYPE_CHECKING
 
-__version__ = "0.1.0"
-
 if TYPE_CHECKING:
+    from .compare import Comparison as Comparison
+    from .compare import compare as compare
+    from .compare import identified as identified
     from .config import Config as Config
     from .config import IdentifyOptions as IdentifyOptions
     from .config import PlantSpec as PlantSpec
     from .config import VehicleGeometry as VehicleGeometry
     from .config import load_config as load_config
+    from .data.read import read_log as read_log
+    from .data.read import read_logs as read_logs
     from .data.record import Record as Record
-    from .data.record import Segment as Segment
+    from .data.segment import Segment as Segment
     from .errors import InputError as InputError
+    from .identify.identify import identify as identify
     from .identify.result import Fit as Fit
     from .identify.result import OrderGrid as OrderGrid
+    from .identify.vehicle import identify_vehicle as identify_vehicle
+    from .metrics import ate as ate
+    from .metrics import fit as fit
+    from .metrics import mse as mse
+    from .model_file import Model as Model
+    from .model_file import load_model as load_model
+    from .model_file import save_model as save_model
+    from .models.bicycle import Bicycle as Bicycle
+    from .models.transfer_function import TransferFunction as TransferFunction
+    from .models.vehicle import SpeedInput as SpeedInput
+    from .models.vehicle import Vehicle as Vehicle
+    from .models.vehicle import stack_vehicles as stack_vehicles
+    from .simulate import Commands as Commands
+    from .simulate import Start as Start
+    from .simulate import Trajectory as Trajectory
+    from .simulate import simulate as simulate
+    from .simulate import simulate_many as simulate_many
+
+__version__ = "0.1.0"
 
 _HOMES = {
+    "compare": ("Comparison", "compare", "identified"),
     "config": ("Config", "IdentifyOptions", "PlantSpec", "VehicleGeometry", "load_config"),
-    "data.record": ("Record", "Segment"),
+    "data.read": ("read_log", "read_logs"),
+    "data.record": ("Record",),
+    "data.segment": ("Segment",),
     "errors": ("InputError",),
+    "identify.identify": ("identify",),
     "identify.result": ("Fit", "OrderGrid"),
+    "identify.vehicle": ("identify_vehicle",),
+    "metrics": ("ate", "fit", "mse"),
+    "model_file": ("Model", "load_model", "save_model"),
+    "models.bicycle": ("Bicycle",),
+    "models.transfer_function": ("TransferFunction",),
+    "models.vehicle": ("SpeedInput", "Vehicle", "stack_vehicles"),
+    "simulate": ("Commands", "Start", "Trajectory", "simulate", "simulate_many"),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 
@@ -43,7 +77,7 @@ def __getattr__(name: str):
 
 
 def __dir__():
-    return [*globals(), *_HOME]
+    return sorted({*globals(), *_HOME})
 
 
 class _Package(types.ModuleType):

@@ -199,7 +199,7 @@ def _prepare_jax(cache: bool) -> None:
     elif "JAX_COMPILATION_CACHE_DIR" not in os.environ:
         caches = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
         jax.config.update("jax_compilation_cache_dir", str(caches / "vdmsi_jax" / "xla"))
-    # Small programs, too: a run compiles over a hundred of them, and reading one is ten times faster.
+    # Small programs, too: a run compiles over a hundred, and reading one is ten times faster.
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
 

@@ -12,7 +12,9 @@ from .config import PlantSpec, VehicleGeometry
 from .decode import decode
 from .errors import InputError, nearest
 from .files import read_json, write_json
+from .models.bicycle import Bicycle
 from .models.transfer_function import TransferFunction, improper_reason
+from .models.vehicle import SpeedInput, Vehicle
 
 MODEL = "vdmsi.model/1"
 IDENTIFY = "vdmsi.identify/1"
@@ -37,6 +39,35 @@ class Model:
 
     plants: Mapping[str, Plant]
     vehicle: VehicleGeometry | None = None
+
+    def plant(self, command: str, response: str) -> Plant | None:
+        """The plant between two channels, if there is one."""
+        for plant in self.plants.values():
+            if (plant.spec.input, plant.spec.output) == (command, response):
+                return plant
+        return None
+
+    def to_vehicle(self, *, dynamics: bool = True) -> Vehicle:
+        """The model as one pytree to simulate: VDM-SI, or VDM without its `dynamics`.
+
+        A bicycle without slip may be seen from any point of its axis. With the distances of the
+        reference point in place of the centre of gravity's, speed and pose are those of the
+        reference point, as they were logged.
+
+        Raises:
+            InputError: the model has no geometry.
+        """
+        if self.vehicle is None:
+            mend = "describe the vehicle in [vehicle] of the configuration and identify again"
+            raise InputError("model", "vehicle", "has no geometry, so it has no path", mend)
+        behind = self.vehicle.rear_to_reference
+        powertrain, steering = self.plant("v_cmd", "v"), self.plant("delta_cmd", "delta")
+        return Vehicle(
+            Bicycle(self.vehicle.wheelbase - behind, behind),
+            powertrain.model if dynamics and powertrain else None,
+            steering.model if dynamics and steering else None,
+            speed_input=SpeedInput.VELOCITY,
+        )
 
 
 def load_model(path: str | Path) -> Model:

@@ -12,10 +12,8 @@ from ..errors import InputError
 from ..identify.result import OrderGrid
 from ..metrics import Alignment, ate, fit, heading_error, mse, translation_error
 from ..model_file import Model, Plant
-from ..models.bicycle import Bicycle
 from ..models.linear_plant import REST_RECORDS
 from ..models.transfer_function import TransferFunction
-from ..models.vehicle import SpeedInput, Vehicle
 from ..simulate import RESULTS, Commands, Start, simulate
 from ._nouns import POSE, SUCCESSFUL, Comparison, PoseErrors, Prediction, Score
 
@@ -39,24 +37,19 @@ def compare(record: Record, model: Model, *, window: float = 20.0) -> Comparison
     Raises:
         InputError: no plant of the model has its command in the record.
     """
-    plants = {
-        name: plant for name, plant in model.plants.items() if plant.spec.input in record.channels
-    }
+    plants = {name: plant for name, plant in model.plants.items() if plant.spec.input in record}
     if not plants:
         asked = ", ".join(sorted({plant.spec.input for plant in model.plants.values()}))
-        raise InputError(
-            record.name,
-            "channels",
-            f"has none of the model's commands ({asked})",
-            "name them in [columns]",
-        )
+        problem = f"has none of the model's commands ({asked})"
+        raise InputError(record.name, "channels", problem, "name them in [columns]")
+    present = Model(plants, record.vehicle or model.vehicle)
     predictions = {}
     for name, dynamics in (("VDM", False), ("VDM-SI", True)):
-        moved, status = {}, SUCCESSFUL
-        if _drives(record, model, plants):
-            moved, status = _motion(record, model, plants, dynamics)
-        others = {key: plant for key, plant in plants.items() if plant.spec.output not in moved}
-        channels = moved | _responses(record, others, dynamics)
+        channels, status = {}, SUCCESSFUL
+        if _has_path(record, present):
+            channels, status = _motion(record, present, dynamics)
+        others = [plant for plant in plants.values() if plant.spec.output not in channels]
+        channels |= _responses(record, others, dynamics)
         predictions[name] = _score(name, status, record, channels, window)
     return Comparison(record, predictions, window)
 
@@ -72,21 +65,11 @@ def identified(grids: Mapping[str, OrderGrid]) -> Model:
     return Model(plants, vehicles[0] if vehicles else None)
 
 
-def _drives(record: Record, model: Model, plants: Mapping[str, Plant]) -> bool:
+def _has_path(record: Record, model: Model) -> bool:
     """Whether a path can be simulated and compared: geometry, both commands, and a pose."""
+    actuators = (model.plant("v_cmd", "v"), model.plant("delta_cmd", "delta"))
     needed = {"v_cmd", "delta_cmd", *POSE}
-    return (
-        (record.vehicle or model.vehicle) is not None
-        and needed <= set(record.channels)
-        and bool(_actuator(plants, "v_cmd", "v") or _actuator(plants, "delta_cmd", "delta"))
-    )
-
-
-def _actuator(plants: Mapping[str, Plant], command: str, response: str) -> Plant | None:
-    for plant in plants.values():
-        if (plant.spec.input, plant.spec.output) == (command, response):
-            return plant
-    return None
+    return model.vehicle is not None and needed <= set(record.channels) and any(actuators)
 
 
 def _padded(record: Record, channel: str) -> np.ndarray:
@@ -122,13 +105,11 @@ def _run_plant(model: TransferFunction, u, dt, x0):
     return model.simulate(u, dt, x0).y
 
 
-def _responses(
-    record: Record, plants: Mapping[str, Plant], dynamics: bool
-) -> dict[str, np.ndarray]:
+def _responses(record: Record, plants: Sequence[Plant], dynamics: bool) -> dict[str, np.ndarray]:
     """Predicted responses of the plants, each from its own command; a command that is followed at
     once must be of the response's kind to be comparable."""
     found = {}
-    for plant in plants.values():
+    for plant in plants:
         spec = plant.spec
         if spec.output not in record:
             continue
@@ -144,26 +125,11 @@ def _responses(
     return found
 
 
-def _motion(
-    record: Record, model: Model, plants: Mapping[str, Plant], dynamics: bool
-) -> tuple[dict[str, np.ndarray], str]:
-    """Speed, angle, yaw rate and pose of the reference point over every segment.
-
-    A bicycle without slip may be seen from any point of its axis: with the distances of the
-    reference point in place of the centre of gravity's, speed and pose are those that were logged.
-    """
-    geometry = record.vehicle or model.vehicle
-    assert geometry is not None
-    behind = geometry.rear_to_reference
-    powertrain = _actuator(plants, "v_cmd", "v") if dynamics else None
-    steering = _actuator(plants, "delta_cmd", "delta") if dynamics else None
-    vehicle = Vehicle(
-        Bicycle(geometry.wheelbase - behind, behind),
-        None if powertrain is None else powertrain.model,
-        None if steering is None else steering.model,
-        speed_input=SpeedInput.VELOCITY,
-    )
-    starts = [None if p is None else _at_rest(record, p) for p in (powertrain, steering)]
+def _motion(record: Record, model: Model, dynamics: bool) -> tuple[dict[str, np.ndarray], str]:
+    """Speed, angle, yaw rate and pose of the reference point over every segment, and the status."""
+    vehicle = model.to_vehicle(dynamics=dynamics)
+    actuators = (model.plant("v_cmd", "v"), model.plant("delta_cmd", "delta"))
+    starts = [_at_rest(record, plant) if plant and dynamics else None for plant in actuators]
     speeds, angles = _padded(record, "v_cmd"), _padded(record, "delta_cmd")
     trajectories = []
     for i, segment in enumerate(record.segments):

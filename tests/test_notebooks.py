@@ -1,0 +1,26 @@
+"""The notebooks run from top to bottom, show their figures, and are stored without outputs."""
+
+import runpy
+from pathlib import Path
+
+import nbformat
+import pytest
+
+FOLDER = Path(__file__).parents[1] / "notebooks"
+NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
+FIGURES = {"01_identify": 6}
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_is_stored_without_outputs(path):
+    for cell in nbformat.read(path, as_version=4).cells:
+        assert not cell.get("outputs") and cell.get("execution_count") is None
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_runs_and_shows_its_figures(path):
+    executed = runpy.run_path(str(FOLDER / "run.py"))["execute"](path)
+    outputs = [o for cell in executed.cells for o in cell.get("outputs", [])]
+    assert sum("image/svg+xml" in o.get("data", {}) for o in outputs) == FIGURES[path.stem]
+    warned = [o.text for o in outputs if o.output_type == "stream" and o.name == "stderr"]
+    assert not warned
