@@ -44,13 +44,14 @@ def _step(a: Array, d: Array, order: Order, samples: Samples, instrumental: Arra
     """One least-squares step with filter 1/A; also the norm of the simulation error of A itself."""
     rows = rs.signals(a, d, order, samples)
     A, B = rs.companion(a, order)
-    best = rs.project(a, order, rows, samples)
-    linear, cost = best.linear, jnp.sqrt(jnp.sum(samples.weight * best.residual**2))
     filtered = _filter_output(A, B, samples)
-    grams = rs.segment_grams(
-        jnp.concatenate([rows[:, : rs.KEPT], filtered, rows[:, rs.F_]], 1), samples
-    )
-    grams, _ = jax.vmap(lambda G: rs.eliminate(G, N_MAX))(grams)
+    raw = rs.segment_grams(jnp.concatenate([rows, filtered], 1), samples)
+    count = rows.shape[1]
+    best = rs.project(a, order, rows, samples, raw=raw[:, :count, :count])
+    linear, cost = best.linear, jnp.sqrt(jnp.sum(samples.weight * best.residual**2))
+    free_last = jnp.array([*range(rs.KEPT), *range(count, raw.shape[1]), *range(rs.KEPT, count)])
+    raw = raw[:, free_last][:, :, free_last]
+    grams, _ = jax.vmap(lambda G: rs.eliminate(G, N_MAX))(raw)
     width = rs.KEPT + N_MAX
     L = jnp.pad(rs.linear_rows(a, order), ((0, 0), (0, N_MAX)))
     Y = jnp.eye(N_MAX, width, k=rs.KEPT) * order.has_pole[:, None]
@@ -80,5 +81,4 @@ def _filter_output(A: Array, B: Array, samples: Samples) -> Array:
     y = samples.y
     following = jnp.concatenate([y.reshape(-1)[1:], y[-1, -1:]]).reshape(y.shape)
     drive = (level - slope)[:, None] * y[:, None] + slope[:, None] * following[:, None]
-    chain = Phi[:1, :N_MAX, :N_MAX]
-    return rs.recurrence(chain, drive[:, None], jnp.zeros((1, N_MAX)), samples)[:, 0]
+    return rs.recurrence(Phi[0, :N_MAX, :N_MAX], drive, jnp.zeros(N_MAX), samples)

@@ -12,7 +12,7 @@ from vdmsi_jax.config import PlantSpec
 from vdmsi_jax.data.record import Record
 from vdmsi_jax.identify.result import Floats
 
-_BLOCK = 64
+_BLOCK = 128  # sums over blocks of this size stay in the cache
 
 
 class Samples(eqx.Module):
@@ -29,6 +29,7 @@ class Samples(eqx.Module):
     - `origin` `(k,)`: flat index of the first sample of the segment that a block belongs to.
     - `segment` `(k,)`: number of that segment.
     - `dt`: sampling period in units of the scale of time.
+    - `longest`: number of samples of the longest segment.
     """
 
     u: Float[Array, "k m"]
@@ -38,6 +39,7 @@ class Samples(eqx.Module):
     origin: Int[Array, " k"]
     segment: Int[Array, " k"]
     dt: Float[Array, ""]
+    longest: Float[Array, ""]
     n_segments: int = eqx.field(static=True)
 
 
@@ -70,14 +72,13 @@ def lay_out(
     **Returns:** the samples, and for each the index `(k, m)` in the record (-1 for padding).
     """
     indices = [np.arange(segment.start, segment.stop) for segment in record.segments]
-    block = _BLOCK if len(indices) > 1 else _rounded(len(indices[0]))
-    blocks = np.array([-(-len(index) // block) for index in indices])
+    blocks = np.array([-(-len(index) // _BLOCK) for index in indices])
     total = _rounded(int(blocks.sum()))
     blocks[-1] += total - blocks.sum()
-    where = np.full((total, block), -1)
+    where = np.full((total, _BLOCK), -1)
     begin = np.cumsum(blocks) - blocks
     for at, index in zip(begin, indices, strict=True):
-        where.reshape(-1)[at * block : at * block + len(index)] = index
+        where.reshape(-1)[at * _BLOCK : at * _BLOCK + len(index)] = index
 
     def gather(channel: str, by: float) -> Array:
         return jnp.asarray(np.where(where < 0, 0.0, record[channel][where] / by))
@@ -87,9 +88,10 @@ def lay_out(
         y=gather(plant.output, scale.y),
         weight=jnp.asarray(((where >= 0) & counts[where]).astype(float)),
         first=jnp.asarray(np.isin(np.arange(total), begin)),
-        origin=jnp.asarray(np.repeat(begin * block, blocks)),
+        origin=jnp.asarray(np.repeat(begin * _BLOCK, blocks)),
         segment=jnp.asarray(np.repeat(np.arange(len(indices)), blocks)),
         dt=jnp.asarray(record.dt / scale.time),
+        longest=jnp.asarray(float(max(len(index) for index in indices))),
         n_segments=_rounded(len(indices)),
     )
     return samples, where

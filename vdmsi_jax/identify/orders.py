@@ -37,8 +37,8 @@ def order_grid(
     measured = record.measured(plant.output)
     samples, where = lay_out(record, plant, scale, measured & ~held_out)
     search = Search(samples, proper, longest_delay=longest or None, offset=options.offset)
-    starts = {float(delay) for delay in delays} | {0.5 * delays[0]}
-    found = search.run(sorted(starts) if longest else [0.0])
+    starts = dict.fromkeys([*map(float, delays), 0.5 * delays[0]])
+    found = search.run(list(starts) if longest else [0.0])
     scores = {}
     if held_out.any():
         seen = np.array([not held_out[s.start : s.stop].all() for s in record.segments])

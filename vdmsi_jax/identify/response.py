@@ -27,6 +27,7 @@ N_MAX = 5
 N_LINEAR = N_MAX + 2  # b_0 ... b_5 and the offset
 _RIDGE = 1e-13  # of equilibrated Gram matrices: about the resolution of float64 sums of squares
 
+_NOT_DENORMAL = 1e-60  # keeps decayed states out of the range in which processors are slow
 MAX_GROWTH = 1.0
 
 # the rows of the signals: states s^i/A u; u; 1; y; states of 1/A driven by the first of these; the
@@ -72,12 +73,12 @@ def companion(a: Float[Array, " 5"], order: Order) -> tuple[Array, Array]:
 
 
 def growth(a: Array, order: Order, samples: Samples) -> Array:
-    """Logarithm of how much the least stable pole grows over a block or, without gaps, the record.
+    """Logarithm of how much the least stable pole grows over the longest segment.
 
     `MAX_GROWTH` admits integrators and poles that are unstable within their uncertainty, no more.
     """
     rates = jnp.linalg.eigvals(companion(a, order)[0]).real
-    return jnp.max(rates) * samples.dt * samples.u.shape[1]
+    return jnp.max(rates) * samples.dt * samples.longest
 
 
 def hold(F: Array, G: Array, times: Array) -> tuple[Array, Array]:
@@ -87,23 +88,21 @@ def hold(F: Array, G: Array, times: Array) -> tuple[Array, Array]:
 
 
 def recurrence(Phi: Array, drive: Array, start: Array, samples: Samples) -> Array:
-    """States (k, c, q, m) of `c` chains x[i+1] = Phi x[i] + drive[i].
-
-    `Phi` is (c, q, q), `drive` (k, c, q, m); x is `start` (c, q) where a segment begins.
-    """
+    """States (k, q, m) of x[i+1] = Phi x[i] + drive[i], x = `start` where a segment begins."""
 
     def advance(x, push):
-        return jnp.squeeze(Phi @ x[..., None], -1) + push, x
+        return Phi @ x + push, x
 
     def block(x, inputs):
         push, first = inputs
         return jax.lax.scan(advance, jnp.where(first, start, x), push)
 
-    push = jnp.moveaxis(drive, 3, 1)
+    push = jnp.swapaxes(drive, 1, 2) + _NOT_DENORMAL
     if samples.n_segments == 1:
-        return jnp.moveaxis(jax.lax.scan(advance, start, push[0])[1], 0, -1)[None]
+        states = jax.lax.scan(advance, start, push.reshape(-1, start.size))[1]
+        return jnp.swapaxes(states.reshape(push.shape), 1, 2)
     states = jax.lax.scan(block, jnp.zeros_like(start), (push, samples.first))[1]
-    return jnp.moveaxis(states, 1, 3)
+    return jnp.swapaxes(states, 1, 2)
 
 
 def delayed(samples: Samples, d: Array) -> tuple[Array, Array, Array]:
@@ -138,14 +137,14 @@ def _factor(G: Array) -> tuple[Array, Array]:
 
 def segment_grams(rows: Array, samples: Samples) -> Array:
     """Sums of products of the rows over each segment, (s, rows, rows)."""
-    # the barrier keeps XLA from fusing what made the rows into a slow loop of products
-    rows = jax.lax.optimization_barrier(rows * samples.weight[:, None])
-    return _over_segments(rows @ jnp.swapaxes(rows, 1, 2), samples)
+    # the same for the weighted rows, which would become a slow loop of products
+    weighted = jax.lax.optimization_barrier(rows * samples.weight[:, None])
+    return _over_segments(weighted @ jnp.swapaxes(rows, 1, 2), samples)
 
 
 def segment_products(rows: Array, signal: Array, samples: Samples) -> Array:
     """Sums of products of the rows with one signal (k, m) over each segment, (s, rows)."""
-    return _over_segments(jnp.einsum("krm,km->kr", rows, samples.weight * signal), samples)
+    return _over_segments(jnp.sum(rows * (samples.weight * signal)[:, None], -1), samples)
 
 
 def _over_segments(blocks: Array, samples: Samples) -> Array:
@@ -174,18 +173,17 @@ def signals(a: Array, d: Array, order: Order, samples: Samples) -> Array:
     Phi, Gamma = hold(H, jnp.append(B, jnp.zeros(N_MAX)), jnp.stack([samples.dt, g * samples.dt]))
     state, coupling = Phi[0, :N_MAX, :N_MAX], Phi[0, N_MAX:, :N_MAX]
     drive = (Gamma[0] - Gamma[1])[:, None] * early[:, None] + Gamma[1][:, None] * late[:, None]
-    chains = jnp.stack([state, state.T])
-    idle = jnp.zeros_like(drive[:, :N_MAX])
-    start = jnp.stack([jnp.zeros(N_MAX), first])
-    first_pass = recurrence(chains, jnp.stack([drive[:, :N_MAX], idle], 1), start, samples)
-    X, F = first_pass[:, 0], first_pass[:, 1]
-    push = jnp.stack([coupling @ X + drive[:, N_MAX:], coupling.T @ F], 1)
-    second_pass = recurrence(chains, push, jnp.zeros_like(start), samples)
-    W, M = second_pass[:, 0], second_pass[:, 1]
+    zero = jnp.zeros(N_MAX)
+    X = recurrence(state, drive[:, :N_MAX], zero, samples)
+    W = recurrence(state, coupling @ X + drive[:, N_MAX:], zero, samples)
+    F = recurrence(state.T, jnp.zeros_like(X), first, samples)
+    M = recurrence(state.T, coupling.T @ F, zero, samples)
     live = order.has_pole[:, None]
     one = jnp.broadcast_to(order.offset.astype(X.dtype), early.shape)
     plain = jnp.stack([early, one, samples.y], 1)
-    return jnp.concatenate([X, plain, W, M * live, F * live], 1)
+    rows = jnp.concatenate([X, plain, W, M * live, F * live], 1)
+    # the barrier keeps XLA from making the rows again wherever they are used
+    return jax.lax.optimization_barrier(rows)
 
 
 def _cascade(A: Array, B: Array) -> Array:
@@ -246,21 +244,26 @@ class Projected(eqx.Module):
 
 
 def project(
-    a: Array, order: Order, rows: Array, samples: Samples, fitted: Array | None = None
+    a: Array,
+    order: Order,
+    rows: Array,
+    samples: Samples,
+    *,
+    raw: Array | None = None,
+    fitted: Array | None = None,
 ) -> Projected:
     """Solve for `b`, offset and the free response of each segment.
 
     The residual is computed sample by sample, and the solution corrected by it once, so that an
     ill-conditioned candidate is judged by what it really predicts. `fitted` (s,) weighs the
-    segments that `b` and the offset may see; all by default.
+    segments that `b` and the offset may see; all by default. `raw` are the Gram matrices of the
+    rows where they are known already.
     """
-    raw = segment_grams(rows, samples)
+    raw = segment_grams(rows, samples) if raw is None else raw
     grams, into = jax.vmap(lambda G: eliminate(G, N_MAX))(raw)
     L = linear_rows(a, order)
     of_segments = jnp.ones(raw.shape[0]) if fitted is None else fitted
     normal = L @ jnp.einsum("s,spq->pq", of_segments, grams) @ L.T
-    kept, F = rows[:, :KEPT], rows[:, F_]
-
     linear = Linear(jnp.zeros(N_LINEAR), jnp.zeros((raw.shape[0], N_MAX)))
     residual = samples.y
     for _ in range(2):
@@ -269,16 +272,18 @@ def project(
         step = solve(normal, (L @ (of_segments @ reduced))[:, None])[:, 0]
         start = jax.vmap(lambda G, v: solve(G[F_, F_], v[:, None])[:, 0])(raw, along[:, KEPT:])
         linear = Linear(linear.beta + step, linear.free + start - into @ (step @ L))
-        residual = samples.y - _output(linear, L, kept, F, samples)
+        # a barrier, lest XLA make the residual again for each row that it is multiplied with
+        residual = jax.lax.optimization_barrier(samples.y - _output(linear, L, rows, samples))
     along = segment_products(rows, residual, samples)
     reduced = along[:, :KEPT] - jnp.einsum("sfp,sf->sp", into, along[:, KEPT:])
     return Projected(linear, residual, grams, into, reduced)
 
 
-def _output(linear: Linear, L: Array, kept: Array, F: Array, samples: Samples) -> Array:
+def _output(linear: Linear, L: Array, rows: Array, samples: Samples) -> Array:
     """Simulated output (k, m)."""
-    free = linear.free[samples.segment]
-    return jnp.einsum("r,krm->km", linear.beta @ L, kept) + jnp.einsum("kr,krm->km", free, F)
+    of_block = jnp.broadcast_to(linear.beta @ L, (samples.segment.shape[0], KEPT))
+    weights = jnp.concatenate([of_block, linear.free[samples.segment]], 1)
+    return jnp.sum(weights[:, :, None] * rows, 1)
 
 
 def compress(a: Array, d: Array, order: Order, samples: Samples) -> tuple[Linear, Array, Array]:
@@ -325,7 +330,7 @@ def detail(a: Array, d: Array, order: Order, samples: Samples, fitted: Array) ->
     alone, the free response of each segment from its own samples; both as they are weighed.
     """
     rows = signals(a, d, order, samples)
-    p = project(a, order, rows, samples, fitted)
+    p = project(a, order, rows, samples, fitted=fitted)
     L = linear_rows(a, order)
     J = nonlinear_rows(a, order, p.linear, samples.dt)
     T = jnp.concatenate([J, jnp.broadcast_to(L, (J.shape[0], *L.shape))], 1)

@@ -22,11 +22,11 @@ from vdmsi_jax.identify.refine import Candidate, Judged, judge, refine
 from vdmsi_jax.identify.response import N_MAX, Details, Order, detail
 
 _CUTOFFS = (1.0, 4.0)  # of the first filters, in units of the pole of the best first-order fit
-_NEW_POLES = (0.3, 3.0, 30.0)  # where a nested start puts its extra pole, in the same units
+_NEW_POLES = (0.5, 5.0)  # where a nested start puts its extra pole, in the same units
 _FASTEST = (20.0, 200.0)  # or, times the sampling period, where it acts at once
 _STARTS = 2  # how many of an order's candidates are refined
 _ROUNDS = 12
-_GAIN = 1e-5  # relative fall of the residual for which an order's neighbours start again from it
+_GAIN = 1e-4  # relative fall of the residual for which an order's neighbours start again from it
 _LANES = 20
 _MEMORY = 4e8  # bytes of signals that a batch may hold
 _WORKERS = 2
@@ -69,11 +69,11 @@ class Search:
         self.programs = _compile(_structure(samples), self.lanes)
 
     def run(self, delays: Sequence[float]) -> dict[tuple[int, int], Point]:
-        """The best found for every order, from starts at each of `delays` (in samples)."""
+        """The best found for every order, from starts at `delays` (in samples, the best first)."""
         starts = [
             Point(order, _filter(cutoff, order[0]), delay)
             for delay in delays
-            for cutoff in _CUTOFFS
+            for cutoff in (_CUTOFFS if delay == delays[0] else _CUTOFFS[-1:])
             for order in self.orders
         ]
         return self.settle(self._improve({}, self._run("equation_error", starts)))
