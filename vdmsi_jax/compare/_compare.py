@@ -1,6 +1,7 @@
 """Simulating a record with and without the identified dynamics, and scoring both."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -17,17 +18,18 @@ from ..models.transfer_function import TransferFunction
 from ..simulate import RESULTS, Commands, Start, simulate
 from ._nouns import POSE, SUCCESSFUL, Comparison, PoseErrors, Prediction, Score
 
-START_SAMPLES = 5
-"""Samples whose mean is the measured response at a start."""
+START_TIME = 0.2
+"""How much of the measured response, s, tells the state at a start."""
 
 
 def compare(record: Record, model: Model, *, window: float = 20.0) -> Comparison:
     """Simulate a record by VDM and by VDM-SI and score both against it.
 
     VDM takes every command as followed at once (the speed, too, is the commanded one); VDM-SI puts
-    the identified plants between. Both start from the first measured pose of each segment; a plant
-    starts at rest at its first measured response. Whatever the log lacks is left out: without a
-    pose there are responses only, and a single actuator is compared as well as a vehicle.
+    the identified plants between. Both start from the first measured pose of each segment, and a
+    plant starts so that it meets the first 0.2 s of its measured response. Whatever the log lacks
+    is left out: without a pose there are responses only, and a single actuator is compared as well
+    as a vehicle.
 
     Args:
         record: a log with the commands of the plants.
@@ -51,15 +53,24 @@ def compare(record: Record, model: Model, *, window: float = 20.0) -> Comparison
         others = [plant for plant in plants.values() if plant.spec.output not in channels]
         channels |= _responses(record, others, dynamics)
         predictions[name] = _score(name, status, record, channels, window)
-    return Comparison(record, predictions, window)
+    floor = None
+    if _has_path(record, present) and {"v", "delta"} <= set(record.channels):
+        told = {**record.channels, "v_cmd": record["v"], "delta_cmd": record["delta"]}
+        channels, status = _motion(replace(record, channels=told), present, dynamics=False)
+        floor = _score("measured responses", status, record, channels, window)
+    return Comparison(record, predictions, window, floor)
 
 
-def identified(grids: Mapping[str, OrderGrid]) -> Model:
-    """The chosen models of an identification, ready to be simulated or saved."""
+def identified(grids: Mapping[str, OrderGrid], orders: Mapping[str, str] | None = None) -> Model:
+    """The models of an identification, ready to be simulated or saved.
+
+    Args:
+        grids: by the plants' names.
+        orders: for some plants, another order than the chosen one, such as `{"steering": "P1Z0"}`.
+    """
+    fits = {name: grid[(orders or {}).get(name, grid.chosen)] for name, grid in grids.items()}
     plants = {
-        name: Plant(grid.plant, grid.best.model)
-        for name, grid in grids.items()
-        if grid.best.model is not None
+        name: Plant(fit.plant, fit.model) for name, fit in fits.items() if fit.model is not None
     }
     vehicles = [grid.record.vehicle for grid in grids.values()]
     return Model(plants, vehicles[0] if vehicles else None)
@@ -87,22 +98,29 @@ def _joined(record: Record, rows: Sequence[ArrayLike]) -> np.ndarray:
     )
 
 
-def _at_rest(record: Record, plant: Plant) -> np.ndarray | None:
-    """States of a plant at rest at the first measured response of each segment, (segments, n);
-    None, the simulation's own start, where the response was not measured or the plant has no
-    rest."""
-    linear, output = plant.model.to_plant(), plant.spec.output
-    gain, slowest = float(plant.model.dc_gain()), float(linear.slowest)
-    if output not in record or slowest * record.duration * REST_RECORDS <= 1.0 or gain == 0.0:
-        return None
-    offset = 0.0 if plant.model.offset is None else float(plant.model.offset)
-    first = np.array([np.mean(piece[:START_SAMPLES]) for piece in record.pieces(output)])
-    return (first - offset)[:, None] / gain * np.asarray(linear.rest)
-
-
 @eqx.filter_jit
-def _run_plant(model: TransferFunction, u, dt, x0):
+def _run(model: TransferFunction, u, dt, x0):
     return model.simulate(u, dt, x0).y
+
+
+def _starts(record: Record, plant: Plant) -> Sequence[np.ndarray | None]:
+    """State of a plant at the start of each segment: at rest under that constant command which
+    brings its response closest to the first `START_TIME` of the measured one. None, the
+    simulation's own start, where the response was not measured or the plant has no rest."""
+    rest = np.asarray(plant.model.to_plant().rest)
+    slowest = float(plant.model.to_plant().slowest)
+    if plant.spec.output not in record or slowest * record.duration * REST_RECORDS <= 1.0:
+        return [None] * len(record.segments)
+    rows = max(round(START_TIME / record.dt), 2)
+    commands, measured = (
+        _padded(record, channel)[:, :rows] for channel in (plant.spec.input, plant.spec.output)
+    )
+    found = []
+    for u, y in zip(commands, measured, strict=True):
+        forced, moved = (np.asarray(_run(plant.model, u, record.dt, c * rest)) for c in (0.0, 1.0))
+        free = moved - forced
+        found.append(rest * (free @ (y - forced)) / max(free @ free, 1e-30))
+    return found
 
 
 def _responses(record: Record, plants: Sequence[Plant], dynamics: bool) -> dict[str, np.ndarray]:
@@ -114,10 +132,9 @@ def _responses(record: Record, plants: Sequence[Plant], dynamics: bool) -> dict[
         if spec.output not in record:
             continue
         if dynamics:
-            starts = _at_rest(record, plant)
+            commands, starts = _padded(record, spec.input), _starts(record, plant)
             rows = [
-                _run_plant(plant.model, u, record.dt, None if starts is None else starts[i])
-                for i, u in enumerate(_padded(record, spec.input))
+                _run(plant.model, u, record.dt, x0) for u, x0 in zip(commands, starts, strict=True)
             ]
             found[spec.output] = _joined(record, rows)
         elif record.units[spec.input] == record.units[spec.output]:
@@ -129,13 +146,13 @@ def _motion(record: Record, model: Model, dynamics: bool) -> tuple[dict[str, np.
     """Speed, angle, yaw rate and pose of the reference point over every segment, and the status."""
     vehicle = model.to_vehicle(dynamics=dynamics)
     actuators = (model.plant("v_cmd", "v"), model.plant("delta_cmd", "delta"))
-    starts = [_at_rest(record, plant) if plant and dynamics else None for plant in actuators]
+    nothing = [None] * len(record.segments)
+    powertrain, steering = (_starts(record, p) if p and dynamics else nothing for p in actuators)
     speeds, angles = _padded(record, "v_cmd"), _padded(record, "delta_cmd")
     trajectories = []
     for i, segment in enumerate(record.segments):
         x, y, psi = (record[name][segment.start] for name in POSE)
-        states = [None if start is None else start[i] for start in starts]
-        start = Start(x, y, psi, powertrain=states[0], steering=states[1])
+        start = Start(x, y, psi, powertrain=powertrain[i], steering=steering[i])
         trajectories.append(simulate(vehicle, Commands(speeds[i], angles[i], record.dt), start))
     failed = [t for t in trajectories if not bool(t.ok)]
     channels = {

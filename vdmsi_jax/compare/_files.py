@@ -43,6 +43,7 @@ def _run(comparison: Comparison) -> dict[str, Any]:
         "log": comparison.record.name,
         "channels": _scores(last),
         "window": comparison.window,
+        "floor": None if comparison.floor is None else _model(comparison.floor),
         **{KEYS.get(name, name): _model(p) for name, p in comparison.predictions.items()},
     }
 

@@ -67,8 +67,11 @@ class Comparison:
         record: the measurement.
         predictions: by the models' names, in the order to be shown.
         window: length of the windows of `Prediction.windows`, s.
+        floor: the bicycle on the measured speed and angle: the error that no model of the
+            actuators can take away. None where a path or a response was not measured.
     """
 
     record: Record
     predictions: Mapping[str, Prediction]
     window: float
+    floor: Prediction | None = None

@@ -42,14 +42,15 @@ def translation_error(comparison: Comparison) -> Figure:
     record = comparison.record
     figure = Figure(figsize=(WIDTH, 4.4))
     whole, windows = figure.subplots(2, 1, sharex=True)
-    for name, prediction in comparison.predictions.items():
+    floor = {} if comparison.floor is None else {comparison.floor.name: comparison.floor}
+    for name, prediction in (floor | dict(comparison.predictions)).items():
         for axes, errors in ((whole, prediction.whole), (windows, prediction.windows)):
             if errors is not None:
                 t, y = with_gaps(record, errors.translation)
                 label = f"{name}, mean {errors.ate['mean']:.3g} m"
                 axes.plot(*envelope(t, y), color=colour(name), label=label)
-    whole.set_title("from the start of the run")
-    windows.set_title(f"anchored at the measured pose every {comparison.window:g} s")
+    whole.set_title("whole run")
+    windows.set_title(f"windows of {comparison.window:g} s")
     windows.set_xlabel("time t (s)")
     for axes in (whole, windows):
         axes.set_ylabel("translation error (m)")

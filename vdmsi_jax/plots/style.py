@@ -28,6 +28,7 @@ COLOURS = {
     "VDM": "#d55e00",
     "VDM-SI": "#0072b2",
     "extended": "#009e73",
+    "measured responses": "#9aa1ab",
     "held out": "#cc79a7",
 }
 SPARE = ("#e69f00", "#56b4e9", "#cc79a7", "#009e73", "#d55e00")

@@ -1,9 +1,10 @@
 """The report of `vdmsi simulate`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from typing import Any
 
 from .. import plots
-from ..compare import SUCCESSFUL, Comparison
+from ..compare import SUCCESSFUL, Comparison, Prediction
 from .identification import what_was_read
 from .page import Block, Page, Picture, Section, Table, Text, Tiles
 from .text import number, percent
@@ -79,28 +80,37 @@ def _tiles(comparison: Comparison) -> Tiles:
 
 
 def _errors(comparison: Comparison) -> Table:
-    """Max, mean and rmse of each model, and what the last takes off the first."""
-    names = [name for name, p in comparison.predictions.items() if p.whole is not None]
-    kinds = {
-        "whole run, from its start": [comparison.predictions[n].whole for n in names],
-        f"{comparison.window:g} s windows": [comparison.predictions[n].windows for n in names],
+    """Max, mean and rmse of each model, what the last takes off the first, and the floor."""
+    models = [p for p in comparison.predictions.values() if p.whole is not None]
+    floor = [] if comparison.floor is None else [comparison.floor]
+    columns = [_statistics(p, comparison.window) for p in (*models, *floor)]
+    rows = []
+    for kind, first in columns[0].items():
+        if any(column[kind] is None for column in columns):
+            continue
+        for statistic in first or {}:
+            values = [column[kind][statistic] for column in columns]
+            taken = _taken_off(values[0], values[len(models) - 1])
+            rows.append([kind, statistic, taken, *(number(value) for value in values)])
+    last = f"{models[-1].name} against {models[0].name}"
+    return Table(
+        ["translation error (m)", "", last, *(p.name for p in (*models, *floor))],
+        rows,
+        strong=[i for i, row in enumerate(rows) if row[1] == "mean"],
+        caption="Measured responses: the bicycle on the measured speed and angle, whose error no "
+        "model of the actuators can take away."
+        if floor
+        else "",
+    )
+
+
+def _statistics(prediction: Prediction, window: float) -> dict[str, Any]:
+    assert prediction.whole is not None and prediction.windows is not None
+    return {
+        "whole run, from its start": prediction.whole.ate,
+        f"{window:g} s windows": prediction.windows.ate,
+        "whole run, aligned": prediction.aligned,
     }
-    table: list[tuple[str, list[Mapping[str, float]]]] = [
-        (kind, [errors.ate for errors in found if errors is not None])
-        for kind, found in kinds.items()
-    ]
-    aligned = [comparison.predictions[n].aligned for n in names]
-    table.append(("whole run, aligned", [ate for ate in aligned if ate is not None]))
-    rows = [
-        [kind, statistic, *(number(ate[statistic]) for ate in ates)]
-        + ([_taken_off(ates[0][statistic], ates[-1][statistic])] if len(names) > 1 else [])
-        for kind, ates in table
-        if len(ates) == len(names)
-        for statistic in ("max", "mean", "rmse")
-    ]
-    header = ["translation error (m)", "", *names]
-    header += [f"{names[-1]} against {names[0]}"] if len(names) > 1 else []
-    return Table(header, rows, strong=[i for i, row in enumerate(rows) if row[1] == "mean"])
 
 
 def _taken_off(before: float, after: float) -> str:
