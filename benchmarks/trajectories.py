@@ -6,6 +6,9 @@ outside the timing, then one `lfilter` with its initial state per plant. Ours in
 realisation and the matrix exponential of every plant, since a fit changes them at every step. The
 gradient is that of a summed squared error over all coefficients, in reverse mode.
 
+The difference of both that is printed is that of `lfilter`: against 40 digits it errs by 9e-9 of
+the largest output at five slow poles, and the blocks of the state space by 2e-15.
+
     python benchmarks/trajectories.py [--json FILE] [--plants 1000]
 """
 

@@ -67,7 +67,7 @@ def test_stacked_plants_keep_what_only_some_have():
     """A delay or an offset of one vehicle becomes zero, and so nothing, in the others."""
     bicycle = Bicycle(1.75, 1.2)
     late = TransferFunction([5.0], [1.0, 5.0], delay=0.07, offset=0.2)
-    vehicles = [Vehicle(bicycle), Vehicle(bicycle, late, TransferFunction([1.0], [1, 2, 3]))]
+    vehicles = [Vehicle(bicycle), Vehicle(bicycle, late, TransferFunction([1.0], [1.0, 2.0, 3.0]))]
     stacked = stack_vehicles(vehicles)
     assert stacked.powertrain.delay.tolist() == [0.0, 0.07]
     assert stacked.powertrain.offset.tolist() == [0.0, 0.2]

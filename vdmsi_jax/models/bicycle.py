@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 
 class BicycleState(NamedTuple):
@@ -41,12 +41,12 @@ class Bicycle(eqx.Module):
         """Distance between the axles, m."""
         return self.l_f + self.l_r
 
-    def slip_angle(self, delta: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+    def slip_angle(self, delta: Float[ArrayLike, "*batch"]) -> Float[Array, "*batch"]:
         """Angle from the body's heading to its course, rad, at the road-wheel angle `delta`."""
         return jnp.arctan(self.l_r / self.wheelbase * jnp.tan(delta))
 
     def course(
-        self, delta: Float[Array, "*batch"]
+        self, delta: Float[ArrayLike, "*batch"]
     ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"], Float[Array, "*batch"]]:
         """Cosine and sine of the slip angle, and the curvature of the path in 1/m.
 
@@ -59,7 +59,7 @@ class Bicycle(eqx.Module):
         cosine = 1.0 / jnp.sqrt(1.0 + slope * slope)
         return cosine, slope * cosine, cosine * tangent / self.wheelbase
 
-    def steering_angle(self, curvature: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+    def steering_angle(self, curvature: Float[ArrayLike, "*batch"]) -> Float[Array, "*batch"]:
         """Road-wheel angle, rad, at which the path has `curvature` (1/m): the inverse of `course`.
 
         NaN where the centre of gravity cannot turn so sharply (`l_r |curvature| >= 1`).
@@ -68,13 +68,13 @@ class Bicycle(eqx.Module):
         return jnp.arctan(self.wheelbase * curvature / jnp.sqrt(1.0 - turning * turning))
 
     def yaw_rate(
-        self, v: Float[Array, "*batch"], delta: Float[Array, "*batch"]
+        self, v: Float[ArrayLike, "*batch"], delta: Float[ArrayLike, "*batch"]
     ) -> Float[Array, "*batch"]:
         """Rate of the heading, rad/s."""
-        return v * self.course(delta)[2]
+        return jnp.asarray(v) * self.course(delta)[2]
 
     def derivatives(
-        self, state: BicycleState, a: Float[Array, "*batch"], delta: Float[Array, "*batch"]
+        self, state: BicycleState, a: Float[ArrayLike, "*batch"], delta: Float[ArrayLike, "*batch"]
     ) -> BicycleState:
         """Eq. (1): the derivative of `state` under acceleration `a` (m/s²) and `delta` (rad)."""
         beta = self.slip_angle(delta)

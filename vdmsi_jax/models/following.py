@@ -46,7 +46,7 @@ class FollowedAtOnce(AbstractPlant):
         self,
         u: Float[ArrayLike, " N"],
         dt: Float[ArrayLike, ""],
-        x0: Float[Array, " n"] | None = None,
+        x0: Float[Array, "*n"] | None = None,
     ) -> HeldTrace:
         """The command itself. There is no state, and `x0` is ignored."""
         return HeldTrace(jnp.asarray(u, float), jnp.asarray(dt, float))
@@ -106,7 +106,7 @@ class RateLimited(AbstractPlant):
         self,
         u: Float[ArrayLike, " N"],
         dt: Float[ArrayLike, ""],
-        x0: Float[Array, " n"] | None = None,
+        x0: Float[Array, "*n"] | None = None,
     ) -> RampTrace:
         """The ramps. `x0` is the response at the first row, `()` or `(1,)`; `None`: the command."""
         u, dt = jnp.asarray(u, float), jnp.asarray(dt, float)

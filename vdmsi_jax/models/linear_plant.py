@@ -136,7 +136,7 @@ class LinearPlant(AbstractPlant):
         self,
         u: Float[ArrayLike, " N"],
         dt: Float[ArrayLike, ""],
-        x0: Float[Array, " n"] | None = None,
+        x0: Float[Array, "*n"] | None = None,
     ) -> LinearTrace:
         """The motion under the commands `u`, held for `dt` seconds each.
 

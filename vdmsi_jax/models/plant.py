@@ -50,7 +50,7 @@ class AbstractPlant(eqx.Module):
         self,
         u: Float[ArrayLike, " N"],
         dt: Float[ArrayLike, ""],
-        x0: Float[Array, " n"] | None = None,
+        x0: Float[Array, "*n"] | None = None,
     ) -> AbstractTrace:
         """The motion under the commands `u`, held for `dt` seconds each.
 
@@ -78,7 +78,7 @@ class AbstractPlant(eqx.Module):
         self,
         u: Float[ArrayLike, " N"],
         dt: Float[ArrayLike, ""],
-        x0: Float[Array, " n"] | None = None,
+        x0: Float[Array, "*n"] | None = None,
     ) -> PlantResponse:
         """Exact response to commands that are held between the rows.
 

@@ -78,8 +78,8 @@ class Motion(eqx.Module):
 
     inputs: Float[Array, "blocks BLOCK"]
     heads: Float[Array, "blocks n"]
-    powers: Float[Array, "BLOCK+1 n n"]
-    impulse: Float[Array, "BLOCK n"]
+    powers: Float[Array, "powers n n"]  # Ad^0 ... Ad^BLOCK
+    impulse: Float[Array, "BLOCK n"]  # Ad^j Bd
     samples: int = eqx.field(static=True)
 
     def read(self, functions: Float[Array, "n J"]) -> Float[Array, "N J"]:
@@ -116,7 +116,7 @@ def propagate(
     return Motion(inputs, heads, powers, impulse, u.shape[0])
 
 
-def _powers(Ad: Float[Array, "n n"]) -> Float[Array, "BLOCK+1 n n"]:
+def _powers(Ad: Float[Array, "n n"]) -> Float[Array, "powers n n"]:
     """`Ad^0 ... Ad^BLOCK` by doubling the list."""
     powers = jnp.eye(Ad.shape[0], dtype=Ad.dtype)[None]
     top = Ad

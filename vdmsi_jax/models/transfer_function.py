@@ -1,6 +1,7 @@
 """Transfer functions PxZy of the paper's eq. (2), with transport delay and offset, and their
 realisation."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -41,8 +42,8 @@ class TransferFunction(AbstractPlant):
 
     def __init__(
         self,
-        num: Float[ArrayLike, " m"],
-        den: Float[ArrayLike, " n"],
+        num: Float[ArrayLike, " m"] | Sequence[float],
+        den: Float[ArrayLike, " n"] | Sequence[float],
         *,
         delay: Float[ArrayLike, ""] | None = None,
         offset: Float[ArrayLike, ""] | None = None,
@@ -142,7 +143,7 @@ class TransferFunction(AbstractPlant):
         self,
         u: Float[ArrayLike, " N"],
         dt: Float[ArrayLike, ""],
-        x0: Float[Array, " n"] | None = None,
+        x0: Float[Array, "*n"] | None = None,
     ) -> LinearTrace:
         """The motion over a record, to be read at any instant; arguments as in `simulate`."""
         return self.to_plant().trace(u, dt, x0)

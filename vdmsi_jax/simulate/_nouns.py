@@ -22,6 +22,10 @@ class RESULTS(diffrax.RESULTS):  # type: ignore[misc]  # an enumeration of equin
     )
 
 
+def _array_or_none(value: Any) -> Array | None:
+    return None if value is None else jnp.asarray(value, float)
+
+
 class Start(eqx.Module):
     """State of a vehicle at the first row.
 
@@ -36,9 +40,9 @@ class Start(eqx.Module):
     x: Float[Array, "*batch"] = eqx.field(converter=jnp.asarray, default=0.0)
     y: Float[Array, "*batch"] = eqx.field(converter=jnp.asarray, default=0.0)
     psi: Float[Array, "*batch"] = eqx.field(converter=jnp.asarray, default=0.0)
-    v: Float[Array, "*batch"] | None = None
-    powertrain: Float[Array, "*batch n"] | None = None
-    steering: Float[Array, "*batch m"] | None = None
+    v: Float[Array, "*batch"] | None = eqx.field(converter=_array_or_none, default=None)
+    powertrain: Float[Array, "..."] | None = eqx.field(converter=_array_or_none, default=None)
+    steering: Float[Array, "..."] | None = eqx.field(converter=_array_or_none, default=None)
 
 
 class Trajectory(eqx.Module):

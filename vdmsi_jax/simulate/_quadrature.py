@@ -55,7 +55,7 @@ class Quadrature(AbstractMethod):
         return trajectory(vehicle, commands, responses, x, y, heading)
 
 
-def piece_edges(vehicle: Vehicle, dt: Float[Array, ""]) -> Float[Array, " pieces+1"]:
+def piece_edges(vehicle: Vehicle, dt: Float[Array, ""]) -> Float[Array, " edges"]:
     """Instants within a sample, ascending from 0 to `dt`, between which all responses are
     smooth."""
     jumps = [plant.jump(dt) for plant in (vehicle.powertrain, vehicle.steering)]
@@ -63,7 +63,7 @@ def piece_edges(vehicle: Vehicle, dt: Float[Array, ""]) -> Float[Array, " pieces
     return jnp.stack([jnp.zeros_like(dt), *(jnp.sort(jnp.stack(inner)) if inner else []), dt])
 
 
-def accumulate(increments: Float[Array, " N-1"], start: Float[Array, ""]) -> Float[Array, " N"]:
+def accumulate(increments: Float[Array, " K"], start: Float[Array, ""]) -> Float[Array, " N"]:
     """Running sum from `start`, the start included."""
     return jnp.concatenate([start[None], start + jnp.cumsum(increments)])
 

@@ -86,7 +86,7 @@ class _Model(eqx.Module):
         x, y, psi, _ = state.bicycle
         return x, y, psi, v, delta, self.vehicle.bicycle.yaw_rate(v, delta), a
 
-    def acting(self, commands: Commands, edges: Float[Array, " pieces+1"]) -> _Held:
+    def acting(self, commands: Commands, edges: Float[Array, " edges"]) -> _Held:
         """The commands `(N, pieces)` in the middle of each piece, looked up by its time."""
         middle = 0.5 * (edges[1:] + edges[:-1])
         rows = jnp.arange(commands.v_cmd.shape[0])
