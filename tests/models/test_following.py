@@ -17,6 +17,13 @@ def commands():
     return np.repeat([0.0, 1.0, 1.05, -0.5, -0.5, 2.0], 4)
 
 
+@jax.jit
+def read(plant, u, tau):
+    """All that a trace tells."""
+    trace = plant.trace(u, DT)
+    return trace.rows(), trace.at(tau), trace.travelled()
+
+
 def crept(u, rate, y, fine=1000):
     """A response that moves to each held command in small steps, at every step."""
     out = np.empty((u.size, fine))
@@ -44,6 +51,7 @@ def test_limited_rate_is_that_of_a_loop(start):
 
 
 def test_limited_rate_has_the_same_gradient_in_both_modes():
+    @jax.jit
     def area(rate):
         return jnp.sum(RateLimited(rate).trace(commands(), DT).travelled())
 
@@ -55,11 +63,11 @@ def test_limited_rate_has_the_same_gradient_in_both_modes():
 def test_at_once_is_the_command_alone_and_among_plants():
     u = commands()
     for plant in (FollowedAtOnce(), FollowedAtOnce().to_plant(3)):
-        trace = plant.trace(u, DT)
-        np.testing.assert_array_equal(trace.rows().y, u)
-        np.testing.assert_array_equal(trace.rows().dy, 0.0 * u)
-        np.testing.assert_allclose(trace.at(jnp.array([0.0, 0.07])), np.stack([u, u], axis=1))
-        np.testing.assert_allclose(trace.travelled(), u * DT, rtol=1e-12)
+        response, between, way = read(plant, u, jnp.array([0.0, 0.07]))
+        np.testing.assert_array_equal(response.y, u)
+        np.testing.assert_array_equal(response.dy, 0.0 * u)
+        np.testing.assert_allclose(between, np.stack([u, u], axis=1))
+        np.testing.assert_allclose(way, u * DT, rtol=1e-12)
         assert plant.jump(DT) is None
 
 

@@ -71,7 +71,7 @@ def test_step_and_frequency_response_are_those_of_scipy(poles, zeros):
     np.testing.assert_allclose(model.frequency_response(omega), response, rtol=1e-12)
 
 
-@pytest.mark.parametrize(("poles", "zeros"), [(2, 2), (5, 4)])
+@pytest.mark.parametrize(("poles", "zeros"), [(3, 3)])
 def test_gradient_is_the_same_in_both_modes_and_by_differences(poles, zeros):
     num, den = coefficients(poles, zeros)
     u, weights = held(), np.random.default_rng(1).normal(size=700)
@@ -151,8 +151,8 @@ def test_travelled_is_the_integral(delay):
 def test_records_continue_from_the_state_at_their_end():
     u = held()
     whole = POWERTRAIN.simulate(u, DT)
-    first = POWERTRAIN.simulate(u[:333], DT)
-    second = POWERTRAIN.simulate(u[333:], DT, first.x_end)
+    first = POWERTRAIN.simulate(u[:350], DT)
+    second = POWERTRAIN.simulate(u[350:], DT, first.x_end)
     joined = jnp.concatenate([first.y, second.y])
     np.testing.assert_allclose(joined, whole.y, atol=1e-13)
 
@@ -180,7 +180,7 @@ def test_many_plants_run_in_one_batch():
     plants = [TransferFunction(*coefficients(3, 2), delay=d) for d in (0.0, 0.013, 0.05)]
     stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *plants)
     u = held()
-    together = eqx.filter_vmap(lambda plant: plant.simulate(u, DT).y)(stacked)
+    together = eqx.filter_jit(eqx.filter_vmap(lambda plant: plant.simulate(u, DT).y))(stacked)
     for one, plant in zip(together, plants, strict=True):
         np.testing.assert_allclose(one, plant.simulate(u, DT).y, atol=1e-12)
 

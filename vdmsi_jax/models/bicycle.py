@@ -82,5 +82,5 @@ class Bicycle(eqx.Module):
             x=state.v * jnp.cos(state.psi + beta),
             y=state.v * jnp.sin(state.psi + beta),
             psi=self.yaw_rate(state.v, delta),
-            v=a,
+            v=jnp.asarray(a),
         )
