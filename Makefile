@@ -2,6 +2,8 @@
 # stamp per extra keeps the next one from installing again until pyproject.toml changes.
 PYTHON ?= python3
 BIN := .venv/bin
+# A file of tests stays in one process, since tests of one file share what they compiled.
+PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
 .PHONY: help demo test test-slow lint format notebooks bench clean
 .DEFAULT_GOAL := help
@@ -17,10 +19,10 @@ demo: .venv/.core  ## identify the demo logs, then simulate with what was found
 	@echo "Open out/demo/identify/report.html and out/demo/simulate/report.html"
 
 test: .venv/.test  ## the tests, without the slow ones
-	$(BIN)/python -m pytest
+	$(PYTEST) --durations=10
 
 test-slow: .venv/.test  ## the slow tests only
-	$(BIN)/python -m pytest -m slow
+	$(PYTEST) -m slow
 
 lint: .venv/.dev  ## ruff and pyright
 	$(BIN)/ruff check .

@@ -3,6 +3,7 @@
 import re
 from html.parser import HTMLParser
 
+import numpy as np
 import pytest
 
 import made_up
@@ -102,6 +103,8 @@ def test_numbers_as_people_read_them(value, text):
 
 
 def test_formulas_as_people_read_them():
-    assert polynomial([1.0, -2.5, 3.0]) == "<i>s</i><sup>2</sup> − 2.5&thinsp;<i>s</i> + 3"
-    assert roots([-1.0 + 2.0j, -1.0 - 2.0j, -0.5 + 0j]) == "−0.5, −1 ± 2j"
-    assert roots([]) == "none"
+    assert (
+        polynomial(np.array([1.0, -2.5, 3.0])) == "<i>s</i><sup>2</sup> − 2.5&thinsp;<i>s</i> + 3"
+    )
+    assert roots(np.array([-1.0 + 2.0j, -1.0 - 2.0j, -0.5 + 0j])) == "−0.5, −1 ± 2j"
+    assert roots(np.zeros(0, complex)) == "none"
