@@ -30,21 +30,21 @@ def identify(
 
     **Arguments:**
 
-    - `records`: one record or several; several are held out by whole runs unless `options` say
-      otherwise.
+    - `records`: one record or several.
     - `plant`: "powertrain", "steering", the name of a plant of the configuration, or a `PlantSpec`.
     - `options`: what to fit and what to hold out; `overrides` replace single fields of it:
-      `identify(log, "steering", poles=(1, 2), delay=False, held_out=0.0)`.
+      `identify(log, "steering", poles=(1, 2), delay=False, held_out=0.0)`. Without options whole
+      runs are held out if there are three or more, blocks of each run otherwise.
 
     **Raises:** `InputError` where the channels are missing, do not move, or are too short.
 
     Works in the precision of JAX: in float32 (the default of JAX) a warning tells what it costs.
     """
     several = [records] if isinstance(records, Record) else list(records)
-    if options is None:
-        options = IdentifyOptions(split="run" if len(several) > 1 else "blocks")
-    options = replace(options, **overrides)
     record = several[0] if len(several) == 1 else Record.concatenate(several)
+    if options is None:
+        options = IdentifyOptions(split="run" if len(record.runs) >= 3 else "blocks")
+    options = replace(options, **overrides)
     spec = plant if isinstance(plant, PlantSpec) else record.plant(plant)
     check_excitation(record, spec)
     if jnp.zeros(()).dtype != jnp.float64:

@@ -1,6 +1,7 @@
 """The order grid: all PxZy fitted to one plant, judged on held-out data, and one of them chosen."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -16,10 +17,11 @@ from vdmsi_jax.identify.layout import Samples, Scale, lay_out
 from vdmsi_jax.identify.response import N_LINEAR, N_MAX
 from vdmsi_jax.identify.result import Fit, Floats, OrderGrid
 from vdmsi_jax.identify.search import Point, Search, simulate_points
-from vdmsi_jax.identify.uncertainty import parameter_covariance, support_warnings
+from vdmsi_jax.identify.uncertainty import parameter_covariance, support_remarks
 from vdmsi_jax.models.transfer_function import TransferFunction, improper_reason
 
 _LONGEST_DELAY = 0.1  # of the record, where the user states no bound
+_DRIFT = 3.0  # points of FIT for which an unsupported order is taken
 _SAME_AS = "no better than what it contains: "
 
 
@@ -74,17 +76,22 @@ def order_grid(
     return OrderGrid(plant, record, held_out, grid, chosen, by_bic, options.fit_loss)
 
 
-def choose(fits: dict[str, Fit], fit_loss: float) -> tuple[str, str]:
+def choose(fits: Mapping[str, Fit], fit_loss: float) -> tuple[str, str]:
     """The order by the paper's rule, and by BIC.
 
     The paper takes the smallest order whose FIT is hardly below the best (Yan et al. 2023, sec.
-    5.1); size is the number of parameters, fewer poles first.
+    5.1); size is the number of parameters, fewer poles first. Orders with poles that the data do
+    not support (`Fit.supported`: drifts, cancelling pairs, the paper's own steering model) stand
+    back unless they fit better by more than `_DRIFT` points, as they do for a true integrator.
     """
     usable = [fit for fit in fits.values() if fit.ok]
-    best = max(fit.fit for fit in usable)
-    near = [fit for fit in usable if fit.fit >= best - fit_loss]
-    smallest = min(near, key=lambda fit: (fit.n_poles + fit.n_zeros, fit.n_poles))
-    return smallest.order, min(usable, key=lambda fit: fit.bic).order
+    by_bic = min(usable, key=lambda fit: fit.bic)
+    best = max(usable, key=lambda fit: fit.fit)
+    supported = [fit for fit in usable if fit.supported and fit.fit >= best.fit - _DRIFT]
+    usable = supported or usable
+    best = max(usable, key=lambda fit: fit.fit)
+    near = [fit for fit in usable if fit.fit >= best.fit - fit_loss]
+    return min(near, key=lambda fit: (fit.n_poles + fit.n_zeros, fit.n_poles)).order, by_bic.order
 
 
 def _scale(record: Record, plant: PlantSpec, longest_delay: int) -> tuple[Scale, tuple[int, ...]]:
@@ -183,6 +190,13 @@ def _fit(
     # a feed-through shows a delay to the sample, and has no slope over it
     covariance[~sensible, ~sensible] = record.dt**2 / 12
     num, den = parameters[: m + 1], np.append(1.0, parameters[m + 1 : m + 1 + n])
+    remarks = support_remarks(
+        num,
+        den,
+        covariance[: n + m + 1, : n + m + 1],
+        dt=record.dt,
+        duration=max(len(segment) for segment in record.segments) * record.dt,
+    )
     mse = float(metrics.mse(y[measured], predicted[measured]))
     likelihood = measured.sum() * math.log(max(mse, 1e-300))
     return Fit(
@@ -203,13 +217,8 @@ def _fit(
         held_out_predicted=score.predicted if score else np.zeros(0),
         residual=np.where(measured, y - predicted, np.nan),
         jacobian=jacobian,
-        warnings=support_warnings(
-            num,
-            den,
-            covariance[: n + m + 1, : n + m + 1],
-            dt=record.dt,
-            duration=max(len(segment) for segment in record.segments) * record.dt,
-        ),
+        warnings=tuple(remark.message for remark in remarks),
+        supported=not any(remark.unsupported for remark in remarks),
     )
 
 
@@ -230,5 +239,5 @@ def _never_falling(fits: dict[tuple[int, int], Fit]) -> dict[tuple[int, int], Fi
         basis = (
             best.status.removeprefix(_SAME_AS) if best.status.startswith(_SAME_AS) else best.order
         )
-        result[n, m] = replace(best, order=own.order, status=f"{_SAME_AS}{basis}")
+        result[n, m] = replace(best, order=own.order, status=f"{_SAME_AS}{basis}", supported=False)
     return result

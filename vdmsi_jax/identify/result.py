@@ -38,7 +38,8 @@ class Fit:
       held-out samples, NaN elsewhere.
     - `jacobian` `(n, p)`: sensitivity of the predicted output to the parameters, initial states
       projected out.
-    - `warnings`: what the data cannot support (near-cancelling pole-zero pairs, and so on).
+    - `warnings`: what is odd about poles and zeros (cancelling pairs, near-integrators, and so on);
+      `supported` is False where the data cannot tell them from a smaller model.
     """
 
     order: str
@@ -59,6 +60,7 @@ class Fit:
     residual: Floats = field(default_factory=lambda: np.zeros(0))
     jacobian: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     warnings: tuple[str, ...] = ()
+    supported: bool = True
 
     @property
     def ok(self) -> bool:
@@ -103,8 +105,10 @@ class Fit:
 class OrderGrid:
     """All orders fitted to one plant: `grid["P2Z1"]`, `grid.best`, `grid.table()`.
 
-    `held_out` `(n,)` tells the samples of `record` that gave the held-out scores. `chosen` is the paper's rule: the smallest order (poles + zeros, then poles) whose FIT is within
-    `fit_loss` points of the best. `chosen_by_bic` has the least BIC. They may differ; both are told.
+    `held_out` `(n,)` tells the samples of `record` that gave the held-out scores. `chosen` is the
+    paper's rule: the smallest order (poles + zeros, then poles) whose FIT is within `fit_loss`
+    points of the best that the data support. `chosen_by_bic` has the least BIC. They may differ;
+    both are told.
     """
 
     plant: PlantSpec

@@ -1,5 +1,7 @@
 """How sure the estimates are: covariance under coloured noise, roots, and what the data support."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -8,6 +10,7 @@ from vdmsi_jax.identify.result import Floats
 _LONGEST_AR = 30
 _SMALLEST = 1e-12  # relative singular value below which a direction counts as unsupported
 _SUPPORT = 2.0  # standard deviations
+_CANCELLED = 0.02  # distance of a pole and a zero, relative to the pole, that makes no difference
 
 
 def autocovariance(residual: Floats, segments: list[slice], lags: int) -> Floats:
@@ -99,63 +102,71 @@ def deviation(gradient: NDArray, covariance: Floats) -> Floats:
     return np.sqrt(np.maximum(variance, 0.0))
 
 
-def support_warnings(
+@dataclass(frozen=True)
+class Remark:
+    """One thing about a model's poles and zeros; `unsupported` if the data cannot tell it from a
+    smaller model."""
+
+    message: str
+    unsupported: bool
+
+
+def support_remarks(
     num: Floats, den: Floats, covariance: Floats, *, dt: float, duration: float
-) -> tuple[str, ...]:
-    """What of the poles and zeros the data cannot support, in sentences.
+) -> tuple[Remark, ...]:
+    """What of the poles and zeros the data do not support, and what else is odd about them.
 
     **Arguments:** `num`, `den` in descending powers of s, den[0] = 1; `covariance` of
-    (num, den[1:]) in this order.
+    (num, den[1:]) in this order; sampling period and duration in s.
     """
     poles, zeros = np.roots(den), np.roots(num)
     m = len(num)
     of_pole = np.zeros((len(poles), len(covariance)), complex)
-    of_pole[:, m:] = root_sensitivity(den, poles)[:, 1:]
+    of_pole[:, m:] = np.nan_to_num(root_sensitivity(den, poles)[:, 1:])
     of_zero = np.zeros((len(zeros), len(covariance)), complex)
-    of_zero[:, :m] = root_sensitivity(num, zeros)
-    of_pole, of_zero = np.nan_to_num(of_pole), np.nan_to_num(of_zero)
-    pole_std, zero_std = deviation(of_pole, covariance), deviation(of_zero, covariance)
-    told = []
-    taken: set[int] = set()
-    for i, pole in enumerate(poles):
-        if pole.imag < 0 or len(zeros) == 0:
-            continue
-        distance = np.where([j in taken for j in range(len(zeros))], np.inf, abs(zeros - pole))
-        j = int(distance.argmin())
-        spread = deviation((of_pole[i] - of_zero[j])[None], covariance)[0]
-        if distance[j] <= max(_SUPPORT * spread, 0.02 * abs(pole)) and distance[j] < np.inf:
-            taken.add(j)
-            told.append(
-                f"pole {_text(pole)} and zero {_text(zeros[j])} rad/s nearly cancel "
-                f"({distance[j]:.2g} apart, ± {spread:.2g}): the data do not support the pair"
-            )
-    for pole, std in zip(poles, pole_std, strict=True):
+    of_zero[:, :m] = np.nan_to_num(root_sensitivity(num, zeros))
+    remarks = _cancellations(poles, zeros, of_pole, of_zero, covariance)
+    for pole, std in zip(poles, deviation(of_pole, covariance), strict=True):
+        name = f"pole {_text(pole)} (± {std:.2g}) rad/s"
         if pole.imag < 0:
             continue
         if abs(pole) <= max(_SUPPORT * std, 0.1 / duration) and abs(pole) * duration < 10:
-            told.append(
-                f"pole {_text(pole)} ± {std:.2g} rad/s cannot be told from an integrator: "
-                f"the static gain is not known from these {duration:.3g} s"
-            )
+            told = "cannot be told from an integrator: the static gain is not known from"
+            remarks.append(Remark(f"{name} {told} {duration:.3g} s", True))
         elif pole.real > 0:
             within = " within its uncertainty" if pole.real <= _SUPPORT * std else ""
-            told.append(f"pole {_text(pole)} ± {std:.2g} rad/s is unstable{within}")
+            remarks.append(Remark(f"{name} is unstable{within}", True))
         elif abs(pole) * dt > np.pi:
-            told.append(f"pole {_text(pole)} rad/s is faster than the sampling can show")
-    for zero, std in zip(zeros, zero_std, strict=True):
+            remarks.append(Remark(f"{name} is faster than the sampling can show", True))
+    for zero, std in zip(zeros, deviation(of_zero, covariance), strict=True):
+        name = f"zero {_text(zero)} (± {std:.2g}) rad/s"
         if zero.imag < 0 or zero.real <= 0:
             continue
         if zero.real <= _SUPPORT * std or abs(zero) * dt > np.pi:
-            told.append(
-                f"zero {_text(zero)} ± {std:.2g} rad/s lies on the right, "
-                "which the data do not support: its sign is within the noise"
-            )
+            told = "lies on the right, which the data do not support: its sign is within the noise"
         else:
-            told.append(
-                f"zero {_text(zero)} ± {std:.2g} rad/s is non-minimum-phase: "
-                "the step response first goes the wrong way"
-            )
-    return tuple(told)
+            told = "is non-minimum-phase: the step response first goes the wrong way"
+        remarks.append(Remark(f"{name} {told}", False))
+    return tuple(remarks)
+
+
+def _cancellations(
+    poles: NDArray, zeros: NDArray, of_pole: NDArray, of_zero: NDArray, covariance: Floats
+) -> list[Remark]:
+    """Poles and zeros that lie closer together than the data can tell."""
+    remarks, free = [], list(range(len(zeros)))
+    for i, pole in enumerate(poles):
+        if pole.imag < 0 or not free:
+            continue
+        j = min(free, key=lambda j: abs(zeros[j] - pole))
+        distance = abs(zeros[j] - pole)
+        spread = float(deviation((of_pole[i] - of_zero[j])[None], covariance)[0])
+        if distance <= max(_SUPPORT * spread, _CANCELLED * abs(pole)):
+            free.remove(j)
+            pair = f"pole {_text(pole)} and zero {_text(zeros[j])} rad/s nearly cancel"
+            apart = f"{distance:.2g} apart, ± {spread:.2g}"
+            remarks.append(Remark(f"{pair} ({apart}): the data do not support the pair", True))
+    return remarks
 
 
 def _text(root: complex) -> str:
