@@ -18,16 +18,16 @@ _DAMPING = 10.0  # norm of a scaled column: the first damping is its inverse squ
 class Candidate(eqx.Module):
     """A point of the search: denominator `a` ascending without its leading 1, delay in samples."""
 
-    a: Float[Array, " 5"]
-    d: Float[Array, ""]
+    a: Float[Array, "*lanes 5"]
+    d: Float[Array, "*lanes"]
 
 
 class Judged(eqx.Module):
     """A candidate with the norm of its projected residual, and the scale of a step from it."""
 
     candidate: Candidate
-    cost: Float[Array, ""]
-    scale: Float[Array, " 6"]
+    cost: Float[Array, "*lanes"]
+    scale: Float[Array, "*lanes 6"]
 
 
 def judge(candidate: Candidate, order: Order, samples: Samples, longest: Array) -> Judged:

@@ -39,10 +39,10 @@ KEPT = 18  # rows left when the free responses are projected out
 class Order(eqx.Module):
     """Which parameters are free: `n` poles, `m` zeros, and whether delay and offset are."""
 
-    n: Int[Array, ""]
-    m: Int[Array, ""]
-    delay: Bool[Array, ""]
-    offset: Bool[Array, ""]
+    n: Int[Array, "*lanes"]
+    m: Int[Array, "*lanes"]
+    delay: Bool[Array, "*lanes"]
+    offset: Bool[Array, "*lanes"]
 
     @property
     def has_pole(self) -> Bool[Array, " 5"]:

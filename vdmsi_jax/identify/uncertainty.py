@@ -66,7 +66,9 @@ def parameter_covariance(
         return np.zeros((0, 0))
     norm = np.linalg.norm(jacobian, axis=0)
     norm = np.where(norm > 0, norm, 1.0)
-    U, s, Vt = np.linalg.svd(jacobian / norm, full_matrices=False)
+    Q, R = np.linalg.qr(jacobian / norm)  # the decomposition of R is that of the whole, and small
+    U, s, Vt = np.linalg.svd(R)
+    U = Q @ U
     inverse = Vt.T / np.maximum(s, _SMALLEST * s[0])
     correction = n / max(n - degrees_lost, 1)
     lags = min(_LONGEST_AR, max(n // 10, 1))
@@ -90,6 +92,7 @@ def parameter_covariance(
 
 def root_sensitivity(coefficients: Floats, roots: NDArray) -> NDArray[np.complex128]:
     """Derivative (roots, coefficients) of roots with respect to coefficients in descending powers."""
+    roots = np.asarray(roots, complex)
     slope = np.polyval(np.polyder(coefficients), roots)
     powers = roots[:, None] ** np.arange(len(coefficients) - 1, -1, -1)[None, :]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -119,7 +122,7 @@ def support_remarks(
     **Arguments:** `num`, `den` in descending powers of s, den[0] = 1; `covariance` of
     (num, den[1:]) in this order; sampling period and duration in s.
     """
-    poles, zeros = np.roots(den), np.roots(num)
+    poles, zeros = np.roots(den).astype(complex), np.roots(num).astype(complex)
     m = len(num)
     of_pole = np.zeros((len(poles), len(covariance)), complex)
     of_pole[:, m:] = np.nan_to_num(root_sensitivity(den, poles)[:, 1:])
