@@ -1,0 +1,25 @@
+"""On measured logs the chosen model passes the floor that gain, offset, one lag and a delay set.
+
+`python tests/floors.py FOLDER` prints the whole table.
+"""
+
+import pytest
+
+import floors
+
+# the floors are given to one decimal
+ROUNDING = 0.05
+FAST = ("ce109_hoop_motor", "cpm_mucar/run_a:powertrain", "f110_frictionmaps/ds1")
+
+
+@pytest.mark.parametrize(
+    "floor",
+    [
+        pytest.param(f, id=f.name, marks=() if f.name.startswith(FAST) else pytest.mark.slow)
+        for f in floors.FLOORS
+    ],
+)
+def test_the_chosen_model_passes_the_floor(floor, shared_data):
+    grid = floors.identify_floor(floor, shared_data)
+    print("\n" + floors.HEADER + "\n" + floors.row(floor, grid))
+    assert floors.score(floor, grid) >= floor.fit - ROUNDING
