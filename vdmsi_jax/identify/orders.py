@@ -38,7 +38,7 @@ def order_grid(
     scale, delays = _scale(record, plant, longest)
     measured = record.measured(plant.output)
     samples, where = lay_out(record, plant, scale, measured & ~held_out)
-    search = Search(samples, proper, longest_delay=longest or None, offset=options.offset)
+    search = Search(samples, proper, longest_delay=float(longest) or None, offset=options.offset)
     starts = dict.fromkeys([*map(float, delays), 0.5 * delays[0]])
     found = search.run(list(starts) if longest else [0.0])
     scores = {}
@@ -56,7 +56,7 @@ def order_grid(
                 predicted,
             )
         samples, _ = lay_out(record, plant, scale, measured)
-        search = Search(samples, proper, longest_delay=longest or None, offset=options.offset)
+        search = Search(samples, proper, longest_delay=float(longest) or None, offset=options.offset)
         found = search.settle(found)
     everything = np.ones(len(record.segments), bool)
     details = _simulated(samples, where, found, everything, options)
