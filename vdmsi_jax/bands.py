@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from .identify.result import Fit
+from .identify.uncertainty import root_sensitivity
 from .models.transfer_function import TransferFunction
 
 
@@ -112,16 +113,16 @@ def zero_uncertainty(fit: Fit) -> list[Root]:
 
 
 def _roots(fit: Fit, polynomial, roots: Complex[np.ndarray, " n"], names: list[str]) -> list[Root]:
-    """d(root)/d(coefficient of s^k) = -root^k / polynomial'(root)."""
-    slope = np.polyval(np.polyder(polynomial), roots)
+    """Roots of a polynomial whose coefficients in descending powers, but for a fixed leading 1, are
+    the parameters `names`. A multiple root has no linear uncertainty; its covariance is NaN."""
     index = [fit.parameter_names.index(name) for name in names]
-    powers = np.array([int(name[1:]) for name in names])
+    covariance = fit.covariance[np.ix_(index, index)]
+    derivatives = root_sensitivity(polynomial, roots)[:, -len(names) :]
     found = []
-    for root, steepness in zip(roots, slope, strict=True):
-        if steepness == 0:  # a multiple root has no linear uncertainty
-            found.append(Root(complex(root), np.full((2, 2), np.nan)))
-            continue
-        derivative = -(root**powers) / steepness
+    for root, derivative in zip(roots, derivatives, strict=True):
         J = np.stack([derivative.real, derivative.imag])
-        found.append(Root(complex(root), J @ fit.covariance[np.ix_(index, index)] @ J.T))
+        finite = np.isfinite(J).all()
+        found.append(
+            Root(complex(root), J @ covariance @ J.T if finite else np.full((2, 2), np.nan))
+        )
     return found

@@ -40,7 +40,8 @@ def show_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """A table on standard output; columns after the first two stand to the right."""
     table = Table(box=None, pad_edge=False, header_style="bold")
     for i, name in enumerate(header):
-        table.add_column(name, justify="left" if i < 2 else "right", overflow="fold")
+        justify = "left" if i < 2 else "right"
+        table.add_column(name, justify=justify, no_wrap=i > 0, overflow="fold")
     for row in rows:
         table.add_row(*row)
     OUT.print(table)
@@ -64,11 +65,11 @@ def show_grids(grids: Mapping[str, OrderGrid]) -> None:
                     fit.status,
                 ]
             )
-    header = ["plant", "order", "FIT %", "held-out FIT %", "MSE", "delay ms", "status"]
+    header = ["plant", "order", "FIT %", "held out %", "MSE", "delay ms", "status"]
     show_table(header, rows)
     for name, grid in grids.items():
         for warning in grid.best.warnings:
-            OUT.print(f"{name}: {warning}")
+            OUT.print(f"{name}: {warning}", soft_wrap=True)
 
 
 def show_comparisons(comparisons: Sequence[Comparison]) -> None:
@@ -93,7 +94,7 @@ def show_comparisons(comparisons: Sequence[Comparison]) -> None:
 def show_sweep(rows: Sequence[Mapping[str, Any]]) -> None:
     """A line per cell of a sweep."""
     show_table(
-        ["log", "plant", "order", "BIC", "FIT %", "held-out FIT %", "status"],
+        ["log", "plant", "order", "BIC", "FIT %", "held out %", "status"],
         [
             [row["log"], row["plant"], "–", "–", "–", "–", "refused"]
             if "refused" in row
