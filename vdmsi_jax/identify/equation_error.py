@@ -2,8 +2,8 @@
 
 Filtering `A y = B u` by `1 / F` makes it linear in the coefficients without a derivative of data
 (Young & Jakeman 1980; Garnier & Wang, Identification of Continuous-time Models from Sampled Data,
-2008, ch. 4). Iterating with F = A and the simulated output as instrument removes the bias that noise
-on y causes. What comes out starts the refinement of the simulation error.
+2008, ch. 4). Iterating with F = A and the simulated output as instrument removes the bias that
+noise on y causes. What comes out starts the refinement of the simulation error.
 """
 
 import jax

@@ -1,4 +1,4 @@
-"""Samples of one input-output pair laid out for compiled code: blocks, segments, normalised units."""
+"""Samples of one input-output pair laid out for compiled code: blocks, segments, scaled units."""
 
 from dataclasses import dataclass
 
@@ -57,7 +57,7 @@ class Scale:
     dt: float
 
     def to_units(self, n: int, m: int) -> Floats:
-        """Factors from the scaled parameters (b descending, a descending, delay, offset) to units."""
+        """Factors from scaled parameters (b, a descending, delay, offset) to units."""
         b = self.y / self.u * self.time ** (np.arange(m, -1, -1) - float(n))
         a = self.time ** (np.arange(n - 1, -1, -1) - float(n))
         return np.concatenate([b, a, [self.dt, self.y]])

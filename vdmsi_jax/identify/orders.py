@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from vdmsi_jax import metrics
 from vdmsi_jax.config import IdentifyOptions, PlantSpec
 from vdmsi_jax.data.record import Record
+from vdmsi_jax.errors import InputError
 from vdmsi_jax.identify.first_order import first_look
 from vdmsi_jax.identify.layout import Samples, Scale, lay_out
 from vdmsi_jax.identify.response import N_LINEAR, N_MAX
@@ -34,13 +35,16 @@ def order_grid(
     from there, on all samples, which gives the model.
     """
     proper = [(n, m) for n in options.poles for m in options.zeros if m <= n]
+    if not proper:
+        problem = f"no proper order: zeros {list(options.zeros)} exceed poles {list(options.poles)}"
+        raise InputError(record.name, "[identify] zeros", problem, "allow fewer zeros")
     longest = _longest_delay(record, options)
-    scale, delays = _scale(record, plant, longest)
     measured = record.measured(plant.output)
+    scale, delays = _scale(record, plant, measured & ~held_out, longest)
     samples, where = lay_out(record, plant, scale, measured & ~held_out)
-    search = Search(samples, proper, longest_delay=float(longest) or None, offset=options.offset)
-    starts = dict.fromkeys([*map(float, delays), 0.5 * delays[0]])
-    found = search.run(list(starts) if longest else [0.0])
+    bounds = {"longest_delay": float(longest) or None, "offset": options.offset}
+    search = Search(samples, proper, **bounds)
+    found = search.run(delays if longest else (0.0,))
     scores = {}
     if held_out.any():
         seen = np.array([not held_out[s.start : s.stop].all() for s in record.segments])
@@ -56,8 +60,8 @@ def order_grid(
                 predicted,
             )
         samples, _ = lay_out(record, plant, scale, measured)
-        search = Search(samples, proper, longest_delay=float(longest) or None, offset=options.offset)
-        found = search.settle(found)
+        search = Search(samples, proper, **bounds)
+    found = search.settle(found.values())
     everything = np.ones(len(record.segments), bool)
     details = _simulated(samples, where, found, everything, options)
     fits = {
@@ -94,13 +98,28 @@ def choose(fits: Mapping[str, Fit], fit_loss: float) -> tuple[str, str]:
     return min(near, key=lambda fit: (fit.n_poles + fit.n_zeros, fit.n_poles)).order, by_bic.order
 
 
-def _scale(record: Record, plant: PlantSpec, longest_delay: int) -> tuple[Scale, tuple[int, ...]]:
-    """Scales of the signals, and the delays (in samples) to start from."""
-    u, y = record.pieces(plant.input), record.pieces(plant.output)
-    look = first_look(u, y, longest_delay)
-    deviation = float(np.std(record[plant.output])) * math.sqrt(record.n)
-    scale = Scale(float(np.std(record[plant.input])), deviation, look.lag * record.dt, record.dt)
-    return scale, look.delays
+def _scale(
+    record: Record, plant: PlantSpec, counts: NDArray[np.bool_], longest_delay: int
+) -> tuple[Scale, tuple[float, ...]]:
+    """Scales of the signals, and delays (in samples) to start from, by the samples in `counts`."""
+    pieces = [
+        piece
+        for segment in record.segments
+        for piece in np.split(
+            np.arange(segment.start, segment.stop),
+            np.flatnonzero(np.diff(counts[segment.samples])) + 1,
+        )
+        if counts[piece[0]]
+    ]
+    u, y = record[plant.input], record[plant.output]
+    look = first_look([u[i] for i in pieces], [y[i] for i in pieces], longest_delay)
+    scale = Scale(
+        float(np.std(u)) or 1.0,
+        (float(np.std(y[counts])) or 1.0) * math.sqrt(counts.sum()),
+        look.lag * record.dt,
+        record.dt,
+    )
+    return scale, tuple(map(float, look.delays))
 
 
 def _longest_delay(record: Record, options: IdentifyOptions) -> int:
@@ -144,9 +163,9 @@ def _simulated(
     rows = np.argsort(where[inside])
     return {
         order: (
-            detail.beta,
-            detail.predicted[inside][rows],
-            np.moveaxis(detail.sensitivities, 1, 2)[inside][rows],
+            np.asarray(detail.beta, float),
+            np.asarray(detail.predicted, float)[inside][rows],
+            np.moveaxis(np.asarray(detail.sensitivities, float), 1, 2)[inside][rows],
         )
         for order, detail in zip(found, details, strict=True)
     }

@@ -9,10 +9,10 @@ which is linear in `b`, the offset and the initial state of each segment. Those 
 projection (variable projection: Golub & Pereyra 1973, with the Jacobian of Kaufman 1975), so that
 only `a` and the delay remain to be searched.
 
-Residual and sensitivities are all linear combinations of a few signals (`ROWS`), since
-dy/da_i = -(s^i / A) (y - offset) and since in companion form the next state is the derivative of the
-one before. So the record is passed once, its signals are summed up in one Gram matrix, and the rest
-is algebra on that matrix. Signals stand as rows of blocks, `(k, rows, m)`.
+Residual and sensitivities are all linear combinations of a few signals, since dy/da_i = -(s^i / A)
+(y - offset) and since in companion form the next state is the derivative of the one before. So the
+record is passed once, its signals are summed up in one Gram matrix, and the rest is algebra on that
+matrix. Signals stand as rows of blocks, `(k, rows, m)`.
 """
 
 import equinox as eqx
@@ -212,17 +212,25 @@ def nonlinear_rows(a: Array, order: Order, linear: Linear, dt: Array) -> Array:
     D = jnp.sum(jnp.where(jnp.arange(N_MAX + 1) == order.n, b, 0.0))
     c = jnp.where(order.has_pole, b[:N_MAX] - D * a, 0.0)
 
-    def differentiate(row, _):
-        x, w, m = row[X_], row[W_], row[M_]
-        following = jnp.zeros(KEPT).at[X_].set(x @ A + (w @ B) * jnp.eye(N_MAX)[0])
-        following = following.at[U].set(x @ B).at[W_].set(w @ A).at[M_].set(A @ m)
-        return following, row
+    # how a combination of the signals is differentiated in time: states of companion form are each
+    # other's derivatives
+    none = jnp.zeros((N_MAX, N_MAX))
+    into_input = jnp.stack([B, jnp.zeros(N_MAX), jnp.zeros(N_MAX)], 1)
+    derivative = jnp.block(
+        [
+            [A, into_input, none, none],
+            [jnp.zeros((3, KEPT))],
+            [jnp.outer(B, jnp.eye(N_MAX)[0]), jnp.zeros((N_MAX, 3)), A, none],
+            [jnp.zeros((N_MAX, 3 + 2 * N_MAX)), A.T],
+        ]
+    )
+    slope = jnp.concatenate([c @ A, (c @ B)[None], jnp.zeros(KEPT - N_MAX - 1)])
+    by_delay = jnp.where(order.delay, -dt * slope, 0.0)
+    forced = jnp.concatenate([D[None], jnp.zeros(7), c])
 
     def of_segment(free):
-        filtered = jnp.zeros(KEPT).at[0].set(D).at[W_].set(c).at[M_].set(free)
-        _, rows = jax.lax.scan(differentiate, filtered, None, length=N_MAX)
-        slope = jnp.zeros(KEPT).at[X_].set(c @ A).at[U].set(c @ B)
-        by_delay = jnp.where(order.delay, -dt * slope, 0.0)
+        filtered = jnp.concatenate([forced, free])
+        _, rows = jax.lax.scan(lambda row, _: (row @ derivative, row), filtered, length=N_MAX)
         return jnp.concatenate([-rows * order.has_pole[:, None], by_delay[None]])
 
     return jax.vmap(of_segment)(linear.free)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from statistics import NormalDist
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from vdmsi_jax.config import PlantSpec
 from vdmsi_jax.data.record import Record
@@ -33,8 +33,8 @@ class Fit:
       `parameter_names` (`b1`, `b0`, `a1`, `a0`, `delay`, `offset`); coefficients of descending
       powers of s, the leading denominator coefficient being 1. Computed from the sandwich formula
       with the autocorrelation of the residual, so that they hold for coloured noise too.
-    - `predicted`, `residual` `(n,)`: simulation and its error; NaN in `residual` where the output was
-      filled in. `held_out_predicted` `(n,)`: what the model fitted without them makes of the
+    - `predicted`, `residual` `(n,)`: simulation and its error; NaN in `residual` where the output
+      was filled in. `held_out_predicted` `(n,)`: what the model fitted without them makes of the
       held-out samples, NaN elsewhere.
     - `jacobian` `(n, p)`: sensitivity of the predicted output to the parameters, initial states
       projected out.
@@ -78,12 +78,12 @@ class Fit:
     @property
     def poles(self) -> NDArray[np.complex128]:
         """Poles in rad/s, shape `(n_poles,)`; empty without a model."""
-        return np.zeros(0, complex) if self.model is None else np.asarray(self.model.poles())
+        return np.zeros(0, complex) if self.model is None else _roots(self.model.den)
 
     @property
     def zeros(self) -> NDArray[np.complex128]:
         """Zeros in rad/s, shape `(n_zeros,)`; empty without a model."""
-        return np.zeros(0, complex) if self.model is None else np.asarray(self.model.zeros())
+        return np.zeros(0, complex) if self.model is None else _roots(self.model.num)
 
     @property
     def std(self) -> dict[str, float]:
@@ -143,3 +143,8 @@ class OrderGrid:
             }
             for f in self.fits.values()
         ]
+
+
+def _roots(coefficients: ArrayLike) -> NDArray[np.complex128]:
+    """Roots, without compiling a program for each order as `TransferFunction.poles` does."""
+    return np.roots(np.asarray(coefficients)).astype(complex)

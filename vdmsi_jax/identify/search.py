@@ -25,11 +25,11 @@ _CUTOFFS = (1.0, 4.0)  # of the first filters, in units of the pole of the best 
 _NEW_POLES = (0.5, 5.0)  # where a nested start puts its extra pole, in the same units
 _FASTEST = (20.0, 200.0)  # or, times the sampling period, where it acts at once
 _STARTS = 2  # how many of an order's candidates are refined
+_PROMISING = 1.01  # residual, relative to the order's best, of a start that is worth refining
 _ROUNDS = 12
 _GAIN = 1e-4  # relative fall of the residual for which an order's neighbours start again from it
 _LANES = 20
 _MEMORY = 4e8  # bytes of signals that a batch may hold
-_WORKERS = 2
 
 
 @dataclass(frozen=True)
@@ -70,38 +70,65 @@ class Search:
 
     def run(self, delays: Sequence[float]) -> dict[tuple[int, int], Point]:
         """The best found for every order, from starts at `delays` (in samples, the best first)."""
+        if self.has_delay:
+            delays = list(dict.fromkeys([*delays[:2], *self._look_over(delays)]))
         starts = [
             Point(order, _filter(cutoff, order[0]), delay)
             for delay in delays
             for cutoff in (_CUTOFFS if delay == delays[0] else _CUTOFFS[-1:])
             for order in self.orders
         ]
-        return self.settle(self._improve({}, self._run("equation_error", starts)))
+        return self._settle(self._improve({}, self._run("equation_error", starts)))
 
-    def settle(self, best: dict[tuple[int, int], Point]) -> dict[tuple[int, int], Point]:
+    def _look_over(self, delays: Sequence[float]) -> list[float]:
+        """The best delays of an order of some freedom, on a grid up to the longest of `delays`.
+
+        The loss over the delay has several minima, and a first-order response takes for delay what
+        is lag of a higher order.
+        """
+        freedom = [order for order in self.orders if order[1] <= 1 and order[0] <= 3]
+        order = max(freedom or self.orders[:1])
+        grid = np.linspace(0.0, min(1.2 * max(delays) + 2, float(self.longest)), _LANES)
+        starts = [Point(order, _filter(c, order[0]), d) for c in _CUTOFFS for d in grid]
+        judged = self._run("judge", self._run("equation_error", starts))
+        return [p.d for p in sorted(judged, key=lambda point: point.cost)[:2]]
+
+    def settle(self, points: Iterable[Point]) -> dict[tuple[int, int], Point]:
+        """The best found for every order, from one point of each."""
+        return self._settle(self._improve({}, list(points)))
+
+    def _settle(self, best: dict[tuple[int, int], Point]) -> dict[tuple[int, int], Point]:
         """Refine every order, and from its neighbours, until none gains."""
-        best = {order: replace(point, cost=np.inf) for order, point in best.items()}
         changed = set(self.orders)
         for _ in range(_ROUNDS):
-            candidates = [best[order] for order in changed] + self._nested(best, changed)
-            better = self._improve(best, candidates)
-            changed = {o for o in self.orders if better[o].cost < best[o].cost * (1 - _GAIN)}
-            best = better
+            before = best
+            best = self._improve(best, self._nested(best, changed), again=changed)
+            changed = {o for o in self.orders if best[o].cost < before[o].cost * (1 - _GAIN)}
             if not changed:
                 break
         return {o: replace(p, converged=o not in changed) for o, p in best.items()}
 
     def _improve(
-        self, best: dict[tuple[int, int], Point], candidates: list[Point]
+        self,
+        best: dict[tuple[int, int], Point],
+        candidates: list[Point],
+        *,
+        again: Iterable[tuple[int, int]] = (),
     ) -> dict[tuple[int, int], Point]:
-        """Refine the most promising candidates of each order and keep the better."""
-        judged = sorted(self._run("judge", candidates), key=lambda point: point.cost)
+        """Refine the most promising candidates of each order, the orders `again` also from their
+        best, and keep the better."""
+        judged = [
+            point
+            for point in self._run("judge", candidates)
+            if point.order not in best or point.cost < best[point.order].cost * _PROMISING
+        ]
+        judged = sorted(judged + [best[o] for o in again], key=lambda point: point.cost)
         chosen: list[Point] = []
         for order in self.orders:
             chosen += _distinct([p for p in judged if p.order == order])[:_STARTS]
         best = dict(best)
-        for point in chosen + self._run("refine", chosen):
-            if point.order not in best or point.cost <= best[point.order].cost:
+        for point in judged + self._run("refine", chosen):
+            if point.order not in best or point.cost < best[point.order].cost:
                 best[point.order] = point
         return best
 
@@ -115,7 +142,7 @@ class Search:
             if (n, m - 1) in changed:
                 candidates.append(Point((n, m), best[n, m - 1].a, best[n, m - 1].d))
             if n == m and self.has_delay and (n, m) in changed:
-                # with a feed-through the loss steps from sample to sample, and has no slope to follow
+                # a feed-through makes the loss step from sample to sample, with no slope to follow
                 point = best[n, m]
                 candidates += [Point((n, m), point.a, max(point.d + by, 0.0)) for by in (-1.0, 1.0)]
             for smaller in ((n - 1, m), (n - 1, m - 1)):
@@ -130,7 +157,7 @@ class Search:
         return candidates
 
     def _run(self, name: str, points: list[Point]) -> list[Point]:
-        """What a program makes of all points, a batch at a time, two batches at once."""
+        """What a program makes of all points, a batch at a time."""
 
         def batch(first: int) -> list[Point]:
             part = points[first : first + self.lanes]
@@ -140,9 +167,8 @@ class Search:
             out = self.programs[name](given, order, self.samples, self.longest)
             return _unstack(out, part)
 
-        with ThreadPoolExecutor(_WORKERS) as pool:
-            batches = pool.map(batch, range(0, len(points), self.lanes))
-            return [point for part in batches for point in part]
+        starts = range(0, len(points), self.lanes)
+        return [point for first in starts for point in batch(first)]
 
 
 def simulate_points(
@@ -247,7 +273,7 @@ def _compile(structure: _Structure, lanes: int) -> dict[str, Any]:
         ),
         "judge": of_lanes(judge).lower(start.candidate, order, samples, longest),
     }
-    with ThreadPoolExecutor(_WORKERS) as pool:
+    with ThreadPoolExecutor(2) as pool:
         return dict(
             zip(lowered, pool.map(lambda low: low.compile(), lowered.values()), strict=True)
         )

@@ -91,12 +91,12 @@ def parameter_covariance(
 
 
 def root_sensitivity(coefficients: Floats, roots: NDArray) -> NDArray[np.complex128]:
-    """Derivative (roots, coefficients) of roots with respect to coefficients in descending powers."""
+    """Derivative (roots, coefficients) of roots by coefficients of descending powers."""
     roots = np.asarray(roots, complex)
     slope = np.polyval(np.polyder(coefficients), roots)
     powers = roots[:, None] ** np.arange(len(coefficients) - 1, -1, -1)[None, :]
     with np.errstate(divide="ignore", invalid="ignore"):
-        return -powers / slope[:, None]
+        return -(powers / slope[:, None]).astype(complex)
 
 
 def deviation(gradient: NDArray, covariance: Floats) -> Floats:
