@@ -11,12 +11,20 @@ from jaxtyping import ArrayLike
 from ..data.record import Record
 from ..errors import InputError
 from ..identify.result import OrderGrid
-from ..metrics import Alignment, ate, fit, heading_error, mse, translation_error
+from ..metrics import (
+    Alignment,
+    ate,
+    fit,
+    heading_error,
+    mse,
+    relative_pose_error,
+    translation_error,
+)
 from ..model_file import Model, Plant
 from ..models.linear_plant import REST_RECORDS
 from ..models.transfer_function import TransferFunction
 from ..simulate import RESULTS, Commands, Start, simulate
-from ._nouns import POSE, SUCCESSFUL, Comparison, PoseErrors, Prediction, Score
+from ._nouns import POSE, SUCCESSFUL, Comparison, PoseErrors, Prediction, RelativeErrors, Score
 
 START_TIME = 0.2
 """How much of the measured response, s, tells the state at a start."""
@@ -189,7 +197,25 @@ def _score(
         whole=_errors(measured, predicted),
         windows=_errors(measured, _anchored(measured, predicted, anchors)),
         aligned=_plain(ate(measured, predicted, Alignment.SE2)) if alone else None,
+        relative=_relative(measured, predicted) if alone else None,
     )
+
+
+def _relative(measured: np.ndarray, predicted: np.ndarray) -> RelativeErrors | None:
+    """Errors over stretches of about a tenth of the way, rounded down to 1, 2 or 5 times a power of
+    ten; None for a vehicle that stands."""
+    way = float(np.hypot(*np.diff(measured[:, :2], axis=0).T).sum())
+    if not way > 0.0:
+        return None
+    power = 10.0 ** np.floor(np.log10(0.1 * way))
+    distance = float(power * max(d for d in (1, 2, 5) if d * power <= 0.1 * way * (1 + 1e-9)))
+    translation, heading = relative_pose_error(measured, predicted, distance=distance)
+    return RelativeErrors(distance, _spread(translation), _spread(np.abs(heading)))
+
+
+def _spread(errors: np.ndarray) -> dict[str, float]:
+    rmse = np.sqrt(np.mean(errors**2))
+    return _plain({"max": errors.max(), "mean": errors.mean(), "rmse": rmse})
 
 
 def _anchored(measured: np.ndarray, predicted: np.ndarray, anchors: np.ndarray) -> np.ndarray:

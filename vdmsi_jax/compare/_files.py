@@ -58,5 +58,6 @@ def _model(prediction: Prediction) -> dict[str, Any]:
         "channels": _scores(prediction),
         "ate": None if prediction.whole is None else prediction.whole.ate,
         "ate_aligned": prediction.aligned,
+        "relative": None if prediction.relative is None else prediction.relative._asdict(),
         "ate_windows": None if prediction.windows is None else prediction.windows.ate,
     }

@@ -35,6 +35,15 @@ class PoseErrors:
     ate: Mapping[str, float]
 
 
+class RelativeErrors(NamedTuple):
+    """Errors of the motion over every stretch of `distance` metres of the measured path: max, mean
+    and rmse of the position at its end, m, and of the change of heading, rad."""
+
+    distance: float
+    translation: Mapping[str, float]
+    heading: Mapping[str, float]
+
+
 @dataclass(frozen=True)
 class Prediction:
     """What one model says about a record, given its commands and its pose at each start.
@@ -48,6 +57,7 @@ class Prediction:
         windows: errors when anchored anew at the measured pose every `Comparison.window` seconds.
         aligned: max, mean, rmse, m, of the whole run after the best rigid motion onto the measured
             path.
+        relative: errors of the motion over stretches of the measured path.
     """
 
     name: str
@@ -57,6 +67,7 @@ class Prediction:
     whole: PoseErrors | None = None
     windows: PoseErrors | None = None
     aligned: Mapping[str, float] | None = None
+    relative: RelativeErrors | None = None
 
 
 @dataclass(frozen=True)

@@ -106,11 +106,14 @@ def _errors(comparison: Comparison) -> Table:
 
 def _statistics(prediction: Prediction, window: float) -> dict[str, Any]:
     assert prediction.whole is not None and prediction.windows is not None
-    return {
+    kinds: dict[str, Any] = {
         "whole run, from its start": prediction.whole.ate,
         f"{window:g} s windows": prediction.windows.ate,
         "whole run, aligned": prediction.aligned,
     }
+    if prediction.relative is not None:
+        kinds[f"over every {prediction.relative.distance:g} m"] = prediction.relative.translation
+    return kinds
 
 
 def _taken_off(before: float, after: float) -> str:
