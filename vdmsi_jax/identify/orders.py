@@ -60,8 +60,7 @@ def order_grid(
                 predicted,
             )
         samples, _ = lay_out(record, plant, scale, measured)
-        search = Search(samples, proper, **bounds)
-    found = search.settle(found.values())
+        found = Search(samples, proper, **bounds).settle(found.values())
     everything = np.ones(len(record.segments), bool)
     details = _simulated(samples, where, found, everything, options)
     fits = {

@@ -28,7 +28,8 @@ _STARTS = 2  # how many of an order's candidates are refined
 _PROMISING = 1.01  # residual, relative to the order's best, of a start that is worth refining
 _ROUNDS = 12
 _GAIN = 1e-4  # relative fall of the residual for which an order's neighbours start again from it
-_LANES = 20
+_LANES = 10  # candidates simulated side by side: their signals fit the cache
+_DELAYS = 20  # of the grid over the delay
 _MEMORY = 4e8  # bytes of signals that a batch may hold
 
 
@@ -88,7 +89,7 @@ class Search:
         """
         freedom = [order for order in self.orders if order[1] <= 1 and order[0] <= 3]
         order = max(freedom or self.orders[:1])
-        grid = np.linspace(0.0, min(1.2 * max(delays) + 2, float(self.longest)), _LANES)
+        grid = np.linspace(0.0, min(1.2 * max(delays) + 2, float(self.longest)), _DELAYS)
         starts = [Point(order, _filter(c, order[0]), d) for c in _CUTOFFS for d in grid]
         judged = self._run("judge", self._run("equation_error", starts))
         return [p.d for p in sorted(judged, key=lambda point: point.cost)[:2]]
