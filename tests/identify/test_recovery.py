@@ -77,7 +77,6 @@ def test_delay_between_samples_and_offset(name, delay):
     np.testing.assert_allclose(found.parameters[:-2], truth.parameters, rtol=RECOVERED)
 
 
-@pytest.mark.xfail(reason="an order alone is not started from the smaller ones that it contains")
 @pytest.mark.parametrize(("name", "delay"), [("P2Z1", 2.03), ("P3Z1", 0.05), ("P3Z1", 2.03)])
 def test_an_order_alone_finds_what_the_grid_finds(name, delay):
     truth, dt = replace(PLANTS[name], delay=delay), 0.05
