@@ -24,6 +24,7 @@ from vdmsi_jax.identify.response import N_MAX, Details, Order, detail
 _CUTOFFS = (1.0, 4.0)  # of the first filters, in units of the pole of the best first-order fit
 _NEW_POLES = (0.5, 5.0)  # where a nested start puts its extra pole, in the same units
 _FASTEST = (20.0, 200.0)  # or, times the sampling period, where it acts at once
+_NEW_PAIRS = (1.8, 4.0)  # and a lightly damped pair of poles, near the sampling frequency
 _STARTS = 2  # how many of an order's candidates are refined
 _PROMISING = 1.01  # residual, relative to the order's best, of a start that is worth refining
 _ROUNDS = 12
@@ -155,6 +156,15 @@ class Search:
                     candidates += [
                         Point((n, m), _with_pole(point.a, n - 1, p), delay) for p in new_poles
                     ]
+            for smaller in ((n - 2, m), (n - 2, m - 2)):
+                if smaller in changed:
+                    point = best[smaller]
+                    candidates += [
+                        Point(
+                            (n, m), _with_pair(point.a, n - 2, w / float(self.samples.dt)), point.d
+                        )
+                        for w in _NEW_PAIRS
+                    ]
         return candidates
 
     def _run(self, name: str, points: list[Point]) -> list[Point]:
@@ -231,6 +241,12 @@ def _distinct(points: list[Point]) -> list[Point]:
         if all(abs(point.cost - other.cost) > 1e-6 * other.cost for other in kept):
             kept.append(point)
     return kept
+
+
+def _with_pair(a: np.ndarray, n: int, frequency: float) -> np.ndarray:
+    """Coefficients ascending of (s^n + ... + a_0) (s^2 + 0.1 w s + w^2), padded to N_MAX."""
+    product = np.convolve(np.append(a[:n], 1.0), [frequency**2, 0.1 * frequency, 1.0])[: n + 2]
+    return np.pad(product, (0, N_MAX - n - 2))
 
 
 def _filter(cutoff: float, n: int) -> np.ndarray:
