@@ -7,7 +7,7 @@ import pytest
 
 import floors
 
-# the floors are given to one decimal, and husky's right wheel lies on the edge of it (80.05 for 80.1)
+# the floors are given to one decimal; husky's right wheel lies on its edge (80.05 for 80.1)
 ROUNDING = 0.06
 FAST = ("ce109_hoop_motor", "cpm_mucar/run_a:powertrain", "f110_frictionmaps/ds1")
 
