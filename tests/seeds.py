@@ -79,7 +79,8 @@ def best_known(grid: OrderGrid, u: np.ndarray, y: np.ndarray, seed: int) -> dict
     """FIT of every proper order at the best optimum that many more starts find.
 
     Starts, each polished by `polish`: what the grid has; what it has for the orders with one pole
-    less, with another pole at four places from slow to fast; the truth with such poles.
+    less, with another pole anywhere from slow to fast; the truth with such poles, and with a
+    resonance anywhere from slow to beyond what the sampling shows.
     """
     rng = np.random.default_rng(seed)
     proper = [(n, m) for n in range(1, 6) for m in range(n + 1)]
@@ -99,6 +100,13 @@ def best_known(grid: OrderGrid, u: np.ndarray, y: np.ndarray, seed: int) -> dict
             if less is not None and len(less.den) == n:
                 pole = -np.exp(rng.uniform(np.log(0.1), np.log(100.0)))
                 starts.append(np.polymul(np.asarray(less.den), [1.0, -pole]))
+        if n >= 4:
+            for _ in range(3):
+                frequency = np.exp(rng.uniform(np.log(30.0), np.log(1.6 * np.pi / DT)))
+                damping = rng.uniform(0.005, 0.3)
+                pair = np.roots([1.0, 2.0 * damping * frequency, frequency**2])
+                more = -np.exp(rng.uniform(np.log(0.5), np.log(200.0), n - 4))
+                starts.append(np.poly([*np.roots(known.POWERTRAIN.den), *pair, *more]))
         fits = [polish(np.real(start), m, u, y) for start in starts]
         best[order] = max([*fits, grid[order].fit])
     for n, m in proper:  # an optimum of an order is a point of those that contain it
