@@ -9,6 +9,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from .compare import Comparison
+from .diagnose.document import in_words, left_over, title
+from .diagnose.result import Diagnosis
 from .identify.result import OrderGrid
 
 OUT = Console(highlight=False)
@@ -89,6 +91,49 @@ def show_comparisons(comparisons: Sequence[Comparison]) -> None:
                 + ["–" if error is None else f"{error.ate['mean']:.3f}" for error in errors]
             )
     show_table(header, rows)
+
+
+VERDICTS = {
+    "no_effect": "No cause: the baseline explains the logs to the noise.",
+    "explained": "Explained.",
+    "unexplained_structure": "There is structure that no known cause accounts for.",
+}
+
+
+def show_diagnosis(diagnosis: Diagnosis) -> None:
+    """The verdict, each finding in words, what it gains, and what remains."""
+    OUT.print(VERDICTS[diagnosis.verdict], style="bold", soft_wrap=True)
+    for i, finding in enumerate(diagnosis.findings, start=1):
+        _say(f"{i}. {finding.sentence}")
+        if finding.separating_experiment:
+            _say(f"   To settle it, drive: {finding.separating_experiment}")
+    rows = [
+        [
+            f"{i}. {in_words(finding.cause)}",
+            gain.channel,
+            f"{gain.before:.2f}",
+            f"{gain.after:.2f}",
+            f"{gain.after - gain.before:+.2f}" + (f" ± {gain.se:.2f}" if gain.se > 0.0 else ""),
+            *("–" if e is None else f"{e:.3f}" for e in (gain.ate_before, gain.ate_after)),
+        ]
+        for i, finding in enumerate(diagnosis.findings, start=1)
+        for gain in [finding.gain]
+    ]
+    if rows:
+        header = ["cause", "channel", "FIT %", "with it %", "gain", "mean error m", "with it m"]
+        show_table(header, rows)
+    for left in diagnosis.unexplained:
+        _say(left_over(left))
+    if diagnosis.minor:
+        names = ", ".join(title(finding) for finding in diagnosis.minor)
+        _say(f"Significant, but worth next to nothing: {names}.")
+    for unseen in diagnosis.unseen:
+        _say(unseen)
+
+
+def _say(text: str) -> None:
+    """A sentence as it is, brackets and all."""
+    OUT.print(text, soft_wrap=True, markup=False)
 
 
 def show_sweep(rows: Sequence[Mapping[str, Any]]) -> None:

@@ -1,0 +1,210 @@
+"""The body and the road: yaw rate and pose, given how the actuators moved.
+
+Speed and angle are those of the fitted actuators; what the actuators' models leave of them is passed on
+by regression (the chain rule of likelihoods), so that one disturbance is not counted twice. Poses count
+as increments over half a second in the body's frame, which need no start and do not pile errors up.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ..effects import VEHICLE, AbstractEffect
+from ..effects.base import first_order
+from ..models.bicycle import Bicycle
+from ..parameters import parameters
+from .colour import autoregression, filter_length, whiten
+
+WINDOW = 0.5
+"""Length of a pose increment, s."""
+
+NUISANCE_LAG = 0.02
+"""Yaw lag that every vehicle may have without its being a finding, s: tyres and body have 6 to 18 ms."""
+
+CHANNELS = ("r", "psi", "forward", "aside")
+_TAPS = 2  # rows to each side at which an actuator's residual may act
+
+
+@dataclass(frozen=True)
+class BodyCause:
+    """A cause of the body, the road or a sensor.
+
+    Attributes:
+        cause, where: as in the contract; `channel` of a sensor.
+        names: of its parameters; `units`; `probes`: values of each probe.
+        lower: bound.
+        weight: how many parameters it counts as.
+    """
+
+    cause: str
+    where: str
+    channel: str | None
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    probes: tuple[tuple[float, ...], ...]
+    lower: float = -np.inf
+    weight: float = 1.0
+
+
+CAUSES = (
+    BodyCause("speed_scale", "vehicle", None, ("scale",), ("1",), ((0.03,), (-0.03,)), -0.9),
+    BodyCause("offset", "vehicle", None, ("bias",), ("rad",), ((0.005,),)),
+    BodyCause("bank", "vehicle", None, ("slope", "pull"), ("1", "rad"), ((0.03, 0.003),), weight=2.0),
+    BodyCause("geometry_scale", "vehicle", None, ("scale",), ("1",), ((0.05,), (-0.05,)), -0.9),
+    BodyCause("understeer", "vehicle", None, ("gradient",), ("s^2/m^2",), ((0.001,), (0.01,))),
+    BodyCause("tyre_relaxation", "vehicle", None, ("length",), ("m",), ((0.3,), (1.0,)), 0.0),
+    BodyCause("sensor_lag", "sensor", "r", ("time_constant",), ("s",), ((0.03,), (0.1,)), 0.0),
+    BodyCause("sensor_delay", "sensor", "r", ("delay",), ("s",), ((0.03,), (0.1,)), 0.0),
+    BodyCause("sensor_bias", "sensor", "r", ("bias",), ("rad/s",), ((0.005,),)),
+    BodyCause("sensor_lag", "sensor", "delta", ("time_constant",), ("s",), ((0.03,), (0.1,)), 0.0),
+    BodyCause("sensor_delay", "sensor", "delta", ("delay",), ("s",), ((0.03,), (0.1,)), 0.0),
+    BodyCause("sensor_lag", "sensor", "v", ("time_constant",), ("s",), ((0.05,), (0.2,)), 0.0),
+    BodyCause("sensor_delay", "sensor", "v", ("delay",), ("s",), ((0.05,), (0.2,)), 0.0),
+    BodyCause("sensor_bias", "sensor", "v", ("bias",), ("m/s",), ((0.1,),)),
+    BodyCause("sensor_delay", "sensor", "pose", ("delay",), ("s",), ((0.05,), (0.2,)), 0.0),
+)
+"""The causes of this stage; the first ones in the order of the registry `effects.VEHICLE`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """The data of the stage, (runs, N) each.
+
+    Attributes:
+        v, delta: responses of the actuators' models as measured, sensors included.
+        dv, ddelta: what these leave of the measurement.
+        measured: by channel of `CHANNELS`; missing channels are absent.
+        mask, held_out: by channel.
+        bicycle: geometry; `dt`: sample period, s.
+    """
+
+    v: Float[np.ndarray, "R N"]
+    delta: Float[np.ndarray, "R N"]
+    dv: Float[np.ndarray, "R N"]
+    ddelta: Float[np.ndarray, "R N"]
+    measured: dict[str, np.ndarray]
+    mask: dict[str, Bool[np.ndarray, "R N"]]
+    held_out: dict[str, Bool[np.ndarray, "R N"]]
+    bicycle: Bicycle
+    dt: float
+
+    @cached_property
+    def window(self) -> int:
+        """Rows of a pose increment."""
+        return max(1, round(WINDOW / self.dt))
+
+    @cached_property
+    def index(self) -> tuple[tuple[int, ...], ...]:
+        """Where each cause has its parameters; the nuisance lag comes first."""
+        ends = np.cumsum([1, *(len(c.names) for c in CAUSES)])
+        return tuple(tuple(range(a, a + len(c.names))) for a, c in zip(ends[:-1], CAUSES, strict=True))
+
+    @property
+    def allowed(self) -> tuple[int, ...]:
+        """Causes that the channels at hand could show."""
+        poses = "psi" in self.measured
+        hidden = {("speed_scale", None), ("sensor_bias", "v"), ("bank", None), ("sensor_delay", "pose")}
+        hidden |= {("sensor_lag", "v"), ("sensor_delay", "v")}
+        yaw = {("sensor_lag", "r"), ("sensor_delay", "r"), ("sensor_bias", "r")}
+        return tuple(
+            i
+            for i, c in enumerate(CAUSES)
+            if (poses or (c.cause, c.channel) not in hidden)
+            and ("r" in self.measured or (c.cause, c.channel) not in yaw)
+        )
+
+    def simulate(self, theta: Float[np.ndarray, "L P"]) -> dict[str, Float[np.ndarray, "L R N"]]:
+        """Every channel at each vector."""
+        lanes = 32
+        parts = []
+        for start in range(0, len(theta), lanes):
+            part = theta[start : start + lanes]
+            padded = np.concatenate([part, np.repeat(part[:1], lanes - len(part), axis=0)])
+            y = _simulate(VEHICLE, padded, self.v, self.delta, self.bicycle, self.dt, self.window)
+            parts.append([np.asarray(x)[: len(part)] for x in y])
+        joined = [np.concatenate(x) for x in zip(*parts, strict=True)]
+        return {c: y for c, y in zip(CHANNELS, joined, strict=True) if c in self.measured}
+
+
+def increments(x, y, psi, window: int, xp=np):
+    """Change of heading, and way forward and aside in the body's frame, over `window` rows from
+    each; the last rows repeat."""
+
+    def ahead(values):
+        tail = xp.repeat(values[..., -1:], window, axis=-1)
+        return xp.concatenate([values[..., window:], tail], axis=-1) - values
+
+    dx, dy, turned = ahead(x), ahead(y), ahead(psi)
+    c, s = xp.cos(psi), xp.sin(psi)
+    return turned, c * dx + s * dy, c * dy - s * dx
+
+
+@eqx.filter_jit
+def _simulate(effects, theta, v, delta, bicycle: Bicycle, dt, window: int):
+    def one(vector, v, delta):
+        at, made = 1, []
+        for effect in effects:
+            for name in parameters(effect):
+                effect = eqx.tree_at(lambda e, name=name: getattr(e, name), effect, vector[at])
+                at += 1
+            made.append(effect)
+        r_lag, r_late, r_bias, d_lag, d_late, v_lag, v_late, v_bias, pose_late = vector[at:]
+        return _motion(
+            made, vector[0], v, delta, bicycle, dt, window,
+            (r_lag, r_late, r_bias, d_lag, d_late, v_lag, v_late, v_bias, pose_late),
+        )  # fmt: skip
+
+    over_runs = jax.vmap(one, in_axes=(None, 0, 0))
+    return jax.vmap(over_runs, in_axes=(0, None, None))(
+        jnp.asarray(theta), jnp.asarray(v), jnp.asarray(delta)
+    )
+
+
+def _motion(effects: Sequence[AbstractEffect], lag, v, delta, bicycle, dt, window, sensors):
+    r_lag, r_late, r_bias, d_lag, d_late, v_lag, v_late, v_bias, pose_late = sensors
+    v = _unsensed(v - v_bias, v_lag, v_late, dt)
+    delta = _unsensed(delta, d_lag, d_late, dt)
+    for effect in effects:
+        v, delta = effect.speed(v), effect.angle(delta)
+    beta = bicycle.slip_angle(delta)
+    kappa = bicycle.course(delta)[2]
+    for effect in effects:
+        beta, kappa = effect.course(beta), effect.curvature(kappa, v)
+    for effect in effects:
+        kappa = effect.relaxed(kappa, v, dt)
+    r = _lagged(v * kappa, lag, dt)
+
+    def run(values):
+        return jnp.concatenate([jnp.zeros(1), jnp.cumsum(0.5 * (values[1:] + values[:-1]) * dt)])
+
+    psi = run(r)
+    x, y = run(v * jnp.cos(psi + beta)), run(v * jnp.sin(psi + beta))
+    poses = [_shifted(p, pose_late / dt) for p in (x, y, psi)]
+    seen = _shifted(_lagged(r, r_lag, dt), r_late / dt) + r_bias
+    return seen, *increments(*poses, window, jnp)
+
+
+def _unsensed(y, lag, late, dt):
+    """The signal whose measurement, by a sensor with a lag and a delay, is the smooth `y`."""
+    slope = jnp.gradient(y, dt)
+    return _shifted(y + lag * slope, -late / dt)
+
+
+def _shifted(y, steps):
+    """`y` later by so many rows, by cubic interpolation."""
+    whole = jnp.floor(steps)
+    f = 1.0 - (steps - whole)
+    at = jnp.arange(y.shape[0]) - whole.astype(int) - 1
+    a, b, c, d = (y[jnp.clip(at + k, 0, y.shape[0] - 1)] for k in (-1, 0, 1, 2))
+    return b + 0.5 * f * (c - a + f * (2 * a - 5 * b + 4 * c - d + f * (3 * (b - c) + d - a)))
+
+
+def _lagged(y, tau, dt):
+    """A first-order lag, exact for an input that is linear between rows: exactly `y` at zero."""
+    return first_order(y, jnp.full_like(y, dt) / jnp.maximum(tau, 1e-9))

@@ -1,0 +1,272 @@
+"""From records to stages: runs side by side, what is held out, and the sizes of the signals."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from ..config import PlantSpec
+from ..data.noise import white_noise_std
+from ..data.record import Record
+from ..effects import ACTUATOR, AbstractEffect, Scales, Signals
+from ..models.bicycle import Bicycle
+from .body import CHANNELS, WINDOW, Body, increments
+from .search import Search
+from .stage import Stage
+
+_SLOWEST_STEERED = 0.3  # m/s, below which a yaw rate tells no steering angle
+_LONGEST = 6000  # samples of a run that are simulated at once; longer ones are cut
+_MOST_RUNS = 24  # that are looked at
+_HELD_OUT = 0.3  # share of a single run that is held out
+
+_FOREIGN = {
+    "powertrain": {"speed_dependent_gain", "cross_coupling by speed"},
+    "steering": {"drag", "road_grade", "coulomb_friction against response"}
+    | {f"cross_coupling by {by}" for by in ("signed", "size", "square", "slowed")},
+}
+_VEHICLES_ONLY = {"cross_coupling", "speed_dependent_gain", "drag", "road_grade"}
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """Stretches of records side by side.
+
+    Attributes:
+        names: of the runs that they belong to.
+        records, starts, stops: where each comes from.
+        since: time of each one's first sample since its run began, s.
+        held_out: whether its samples from `split` on (all, at zero) only judge.
+        split: first sample that is held out.
+        length: of the longest.
+        dt: sample period, s.
+    """
+
+    names: tuple[str, ...]
+    records: tuple[Record, ...]
+    starts: tuple[int, ...]
+    stops: tuple[int, ...]
+    since: tuple[float, ...]
+    split: tuple[int, ...]
+    dt: float
+
+    @property
+    def length(self) -> int:
+        """Samples of the longest."""
+        return max(b - a for a, b in zip(self.starts, self.stops, strict=True))
+
+    def channel(self, name: str) -> Float[np.ndarray, "R N"]:
+        """A channel, padded by its last value; zeros where a record lacks it."""
+        return np.stack([self._padded(r[name] if name in r else np.zeros(r.n), i) for i, r in self._each()])
+
+    def seen(self, name: str) -> np.ndarray:
+        """(R, N) whether the channel was measured there."""
+        rows = []
+        for i, record in self._each():
+            row = np.zeros(self.length, bool)
+            n = self.stops[i] - self.starts[i]
+            if name in record:
+                row[:n] = record.measured(name)[self.starts[i] : self.stops[i]]
+            rows.append(row)
+        return np.stack(rows)
+
+    def held(self) -> np.ndarray:
+        """(R, N) whether a sample is held out."""
+        at = np.arange(self.length)
+        return np.stack([at >= split for split in self.split])
+
+    def time(self) -> Float[np.ndarray, "R N"]:
+        """(R, N) time since the start of the run, s."""
+        return np.asarray(self.since)[:, None] + self.dt * np.arange(self.length)
+
+    def _each(self):
+        return enumerate(self.records)
+
+    def _padded(self, values: np.ndarray, i: int) -> np.ndarray:
+        own = values[self.starts[i] : self.stops[i]]
+        return np.pad(own, (0, self.length - len(own)), mode="edge")
+
+
+def lay_out(records: Sequence[Record]) -> Runs:
+    """Put the segments of records side by side and choose what is held out: the last third of the
+    records, or, of a single one, the last part of each segment."""
+    pieces = []
+    count = len(records)
+    judges = set(range(count - max(1, round(count / 3)), count)) if count > 1 else set()
+    for k, record in enumerate(records):
+        for segment in record.segments:
+            parts = -(-len(segment) // _LONGEST)
+            edges = np.linspace(segment.start, segment.stop, parts + 1).astype(int)
+            first = next(s.start for s in record.segments if s.run == segment.run)
+            for a, b in zip(edges[:-1], edges[1:], strict=True):
+                split = int((b - a) * (1.0 - _HELD_OUT))
+                split = (0 if k in judges else b - a) if count > 1 else split
+                pieces.append((segment.run, record, int(a), int(b), float(record.t[a] - record.t[first]), split))
+    longest = max(p[3] - p[2] for p in pieces)
+    long = [p for p in pieces if p[3] - p[2] >= max(40, longest // 20)]
+    if len(long) > _MOST_RUNS:
+        picked = np.unique(np.linspace(0, len(long) - 1, _MOST_RUNS).astype(int))
+        long = [long[i] for i in picked]
+    columns = zip(*long, strict=True)
+    return Runs(*map(tuple, columns), dt=records[0].dt)
+
+
+def steering_angle(runs: Runs) -> tuple[np.ndarray, np.ndarray] | None:
+    """Measured road-wheel angle and where it is known; from yaw rate and speed where it was not
+    logged, None where neither was."""
+    if all("delta" in r for r in runs.records):
+        return runs.channel("delta"), runs.seen("delta")
+    vehicle = runs.records[0].vehicle
+    if vehicle is None or not all("r" in r and "v" in r for r in runs.records):
+        return None
+    v, r = runs.channel("v"), runs.channel("r")
+    known = (np.abs(v) > _SLOWEST_STEERED) & runs.seen("r") & runs.seen("v")
+    behind = vehicle.rear_to_reference
+    bicycle = Bicycle(vehicle.wheelbase - behind, behind)
+    curvature = np.where(known, r / np.where(known, v, 1.0), 0.0)
+    limit = 0.99 / max(behind, 1e-6)
+    angle = np.asarray(bicycle.steering_angle(jnp.asarray(np.clip(curvature, -limit, limit))))
+    return angle, known & (np.abs(curvature) < limit)
+
+
+def kind(effect: AbstractEffect) -> str:
+    """The cause and which of its forms: `saturation at command`."""
+    forms = [n for n in ("at", "by", "against") if isinstance(getattr(effect, n, None), str)]
+    return " ".join([effect.cause, *(f"{n} {getattr(effect, n)}" for n in forms)])
+
+
+def stage_of(runs: Runs, spec: PlantSpec) -> Stage:
+    """The stage of one plant."""
+    u = runs.channel(spec.input)
+    y, seen = runs.channel(spec.output), runs.seen(spec.output)
+    if spec.output == "delta":
+        found = steering_angle(runs)
+        assert found is not None
+        y, seen = found
+    v = runs.channel("v")
+    other = runs.channel("delta_cmd" if spec.output == "v" else "v_cmd")
+    distance = np.concatenate([np.zeros((len(v), 1)), np.cumsum(np.abs(v[:, :-1]), axis=1)], axis=1)
+    held = runs.held()
+    name = spec.name if spec.name in _FOREIGN else "plant"
+    is_vehicle = runs.records[0].vehicle is not None and name != "plant"
+    foreign = _FOREIGN.get(name, set()) | (set() if is_vehicle else _VEHICLES_ONLY)
+    wheres = tuple("vehicle" if e.cause == "road_grade" else name for e in ACTUATOR)
+    allowed = tuple(i for i, e in enumerate(ACTUATOR) if not {e.cause, kind(e)} & foreign)
+    shared = (runs.time(), v, other, distance * runs.dt)
+    return make_stage(spec.name, u, y, seen & ~held, seen & held, shared, allowed, wheres, runs.dt)
+
+
+def make_stage(name, u, y, mask, held_out, shared, allowed, wheres, dt) -> Stage:
+    """A stage with the sizes of its signals, from arrays."""
+    known = mask | held_out
+    pieces = [row[use] for row, use in zip(y, known, strict=True) if use.any()]
+    lengths = [int(use.sum()) for use in known]
+    low, high = np.quantile(u[known], [0.02, 0.98])
+    y_low, y_high = np.quantile(y[known], [0.02, 0.98])
+    noise = white_noise_std(pieces)
+    scales = Scales(
+        float(low), float(high), float(y_low), float(y_high),
+        rate=1.0, speed=float(np.mean(np.abs(shared[1][known]))), distance=float(shared[3].max()),
+        duration=max(lengths) * dt, dt=dt, time_constant=1.0,
+        noise=float(noise) if np.isfinite(noise) else 0.0,
+    )  # fmt: skip
+    effects = tuple(e.scaled(scales) for e in ACTUATOR)
+    t, v, other, distance = (jnp.asarray(x) for x in shared)
+    one, zero = jnp.ones(()), jnp.zeros(())
+    signals = Signals(t, v, other, distance, one, zero, jnp.asarray(dt), 1)
+    stage = Stage(name, u, y, mask, held_out, signals, effects, allowed, wheres, scales, 1.0, dt)
+    slow, response = _look(stage)
+    rates = np.abs(np.diff(response, axis=1))[known[:, 1:]] / dt
+    scales = replace_scales(scales, rate=float(np.quantile(rates, 0.95)), time_constant=slow)
+    substeps = int(np.clip(2 ** np.ceil(np.log2(max(15.0 * dt / slow, 1.0))), 1, 4))
+    signals = Signals(t, v, other, distance, one, zero, jnp.asarray(dt / substeps), substeps)
+    return replace(stage, scales=scales, pace=1.0 / slow, signals=signals)
+
+
+def replace_scales(scales: Scales, **new: float) -> Scales:
+    """The same sizes but some."""
+    names = scales.__dataclass_fields__
+    return Scales(**{name: new.get(name, getattr(scales, name)) for name in names})
+
+
+def _look(stage: Stage) -> tuple[float, np.ndarray]:
+    """Time constant of the lag, and its response, that come closest to the measured one."""
+    ladder = np.geomspace(1.5 * stage.dt, 0.3 * stage.u.shape[1] * stage.dt, 14)
+    seen = stage.y[stage.mask]
+    best = (np.inf, 1.0, stage.y)
+    for tau in ladder:
+        keep = np.exp(-stage.dt / tau)
+        y = _lag(stage.u, keep)
+        shape = np.stack([y[stage.mask], np.ones_like(seen)], axis=1)
+        found, *_ = np.linalg.lstsq(shape, seen, rcond=None)
+        error = float(np.sum((seen - shape @ found) ** 2))
+        if error < best[0]:
+            best = (error, float(tau), y * found[0] + found[1])
+    return best[1], best[2]
+
+
+def _lag(u: np.ndarray, keep: float) -> np.ndarray:
+    """`y[k+1] = keep y[k] + (1 - keep) u[k]` from rest, along the last axis."""
+    n = u.shape[1]
+    size = 1 << (2 * n).bit_length()
+    taps = np.concatenate([[0.0], (1.0 - keep) * keep ** np.arange(n - 1)])
+    free = u[:, :1] * keep ** np.arange(n)
+    return free + np.fft.irfft(np.fft.rfft(u, size) * np.fft.rfft(taps, size), size)[:, :n]
+
+
+def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
+    """The stage of the body; None where neither yaw rate nor pose can be set against speed and
+    angle."""
+    vehicle = runs.records[0].vehicle
+    angle = steering_angle(runs)
+    channels = set.intersection(*(set(r.channels) for r in runs.records))
+    if vehicle is None or angle is None or "v" not in channels:
+        return None
+    told = {"r"} if "r" in channels and "delta" in channels else set()
+    posed = {"x", "y", "psi"} <= channels
+    if not told and not posed:
+        return None
+    measured, mask, held_out = {}, {}, {}
+    held = runs.held()
+    moving = runs.seen("v") & angle[1]
+    if told:
+        measured["r"] = runs.channel("r")
+        mask["r"], held_out["r"] = (moving & runs.seen("r") & part for part in (~held, held))
+    if posed:
+        window = max(1, round(WINDOW / runs.dt))
+        x, y, psi = (runs.channel(c) for c in ("x", "y", "psi"))
+        seen = runs.seen("x") & runs.seen("y") & runs.seen("psi") & moving
+        whole = seen & np.roll(seen, -window, axis=1)
+        whole[:, -window:] = False
+        for c, values in zip(CHANNELS[1:], increments(x, y, np.unwrap(psi, axis=1), window), strict=True):
+            measured[c] = values
+            mask[c] = whole & ~held & ~np.roll(held, -window, axis=1)
+            held_out[c] = whole & held
+    v, delta = runs.channel("v"), angle[0]
+    smooth = {}
+    for name, values, known in (("v", v, runs.seen("v")), ("delta", delta, angle[1])):
+        search = searches.get(name)
+        model = _smoothed(values, runs.dt) if search is None else _tracked(search)
+        smooth[name] = np.where(known, model, values)
+    behind = vehicle.rear_to_reference
+    bicycle = Bicycle(vehicle.wheelbase - behind, behind)
+    return Body(
+        smooth["v"], smooth["delta"], v - smooth["v"], delta - smooth["delta"],
+        measured, mask, held_out, bicycle, runs.dt,
+    )  # fmt: skip
+
+
+def _tracked(search: Search) -> np.ndarray:
+    """The response of the fitted plant; on runs that no fit has seen, too."""
+    final = search.final
+    seen = search.stage.mask.any(axis=1, keepdims=True)
+    return np.where(seen, final.y, final.simulated)
+
+
+def _smoothed(y: np.ndarray, dt: float) -> np.ndarray:
+    """A moving mean over a tenth of a second."""
+    half = max(1, round(0.05 / dt))
+    padded = np.pad(y, ((0, 0), (half, half)), mode="edge")
+    total = np.cumsum(np.pad(padded, ((0, 0), (1, 0))), axis=1)
+    return (total[:, 2 * half + 1 :] - total[:, : -2 * half - 1]) / (2 * half + 1)

@@ -1,0 +1,74 @@
+"""The causes that the project knows: one file each, one line of the registry each."""
+
+from vdmsi_jax.effects.backlash import Backlash
+from vdmsi_jax.effects.base import AbstractEffect as AbstractEffect
+from vdmsi_jax.effects.base import Effort as Effort
+from vdmsi_jax.effects.base import Scales as Scales
+from vdmsi_jax.effects.base import Signals as Signals
+from vdmsi_jax.effects.coulomb_friction import CoulombFriction
+from vdmsi_jax.effects.cross_coupling import CrossCoupling
+from vdmsi_jax.effects.dead_zone import DeadZone
+from vdmsi_jax.effects.drag import Drag
+from vdmsi_jax.effects.gain_asymmetry import GainAsymmetry
+from vdmsi_jax.effects.gain_drift import GainDrift
+from vdmsi_jax.effects.gain_nonlinearity import GainNonlinearity
+from vdmsi_jax.effects.offset import Offset
+from vdmsi_jax.effects.periodic_disturbance import PeriodicDisturbance
+from vdmsi_jax.effects.quantization import Quantization
+from vdmsi_jax.effects.rate_limit import RateLimit
+from vdmsi_jax.effects.regime_change import RegimeChange
+from vdmsi_jax.effects.resonance import Resonance
+from vdmsi_jax.effects.road_grade import RoadGrade
+from vdmsi_jax.effects.saturation import Saturation
+from vdmsi_jax.effects.sensor import SensorBias, SensorDelay, SensorLag
+from vdmsi_jax.effects.speed_dependent_gain import SpeedDependentGain
+from vdmsi_jax.effects.transport_delay import TransportDelay
+
+from vdmsi_jax.effects.bank import Bank
+from vdmsi_jax.effects.geometry_scale import GeometryScale
+from vdmsi_jax.effects.misalignment import Misalignment
+from vdmsi_jax.effects.speed_scale import SpeedScale
+from vdmsi_jax.effects.tyre_relaxation import TyreRelaxation
+from vdmsi_jax.effects.understeer import Understeer
+ACTUATOR: tuple[AbstractEffect, ...] = (
+    GainNonlinearity(),
+    SpeedDependentGain(),
+    CrossCoupling(by="signed"),
+    CrossCoupling(by="size"),
+    CrossCoupling(by="square"),
+    CrossCoupling(by="slowed"),
+    CrossCoupling(by="speed"),
+    GainAsymmetry(by="command"),
+    GainDrift(),
+    RegimeChange(),
+    Quantization(),
+    DeadZone(),
+    Saturation(at="command"),
+    TransportDelay(),
+    RateLimit(at="command"),
+    Resonance(),
+    RoadGrade(),
+    GainAsymmetry(by="effort"),
+    Drag(),
+    RateLimit(at="response"),
+    CoulombFriction(against="rate"),
+    CoulombFriction(against="response"),
+    Saturation(at="response"),
+    Backlash(),
+    PeriodicDisturbance(),
+    Offset(),
+)
+"""Every cause and form that an actuator may have, off, in the order in which they act."""
+
+VEHICLE: tuple[AbstractEffect, ...] = (
+    SpeedScale(),
+    Misalignment(),
+    Bank(),
+    GeometryScale(),
+    Understeer(),
+    TyreRelaxation(),
+)
+"""Every cause that the body and the road may have, off, in the order in which they act."""
+
+SENSOR: tuple[AbstractEffect, ...] = (SensorLag(), SensorDelay(), SensorBias())
+"""Every cause that a sensor may have, off, in the order in which they act."""

@@ -1,0 +1,31 @@
+"""Bank: the road leans to a side, and the vehicle is pulled down it through its tyres."""
+
+from typing import ClassVar
+
+from jaxtyping import Array, Float
+
+from vdmsi_jax.effects.base import AbstractEffect, Scales
+from vdmsi_jax.parameters import parameter
+
+COMPLIANCE = 0.06
+"""Slip angle of an axle per g of lateral acceleration, rad: usual for road tyres (Milliken and
+Milliken, Race Car Vehicle Dynamics, 1995, ch. 2). A log tells the pull, and with this the slope."""
+
+
+class Bank(AbstractEffect):
+    """The course is turned, and the path bent, by the slip that carries the weight's side
+    component."""
+
+    cause: ClassVar[str] = "bank"
+
+    slope: Float[Array, ""] = parameter("1", "lateral slope, by the usual tyre's compliance")
+    pull: Float[Array, ""] = parameter("rad", "steering angle that the pull is worth")
+
+    def probes(self, scales: Scales) -> list[tuple[float, ...]]:
+        return [(-0.03, -0.003), (0.03, 0.003)]
+
+    def course(self, beta: Float[Array, " M"]) -> Float[Array, " M"]:
+        return beta + COMPLIANCE * self.slope
+
+    def angle(self, delta: Float[Array, " M"]) -> Float[Array, " M"]:
+        return delta + self.pull

@@ -1,0 +1,221 @@
+"""What an effect is: a cause that transforms a signal at one port of a model, and is exactly the
+identity when it is off.
+
+The signal's way through an actuator, with the ports by name::
+
+    command -> [command] -> [held] -> dynamics with [effort] inside -> [output] -> measurement
+
+`command` sees the rows of the record, where commands are held; the other ports see sub-steps, finer
+than the rows, so that effects with memory (play, friction, a limited rate) are discrete operators
+that are exact there. A vehicle has the ports `speed`, `angle`, `course`, `curvature` and `relaxed`,
+which see the bicycle at the rows or at the instants of a quadrature.
+"""
+
+import abc
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Float
+
+
+class Signals(eqx.Module):
+    """What an effect may look at beside the signal of its port; a row each.
+
+    Attributes:
+        t: time since the start of the run, s.
+        v: speed of the vehicle, m/s; zero where there is none.
+        other: the command of the other actuator, in its unit; zero where there is none.
+        distance: travelled since the start of the run, m.
+        slowness: as in `Effort`.
+        lead: seconds by which a force acts earlier than a command: zero where it acts beside the
+            command (a position servo), the time constant of what lies between where it acts behind
+            that (a lag before the body), large where an integrator lies between.
+        h: length of a sub-step, s.
+        substeps: sub-steps a row.
+    """
+
+    t: Float[Array, " N"]
+    v: Float[Array, " N"]
+    other: Float[Array, " N"]
+    distance: Float[Array, " N"]
+    slowness: Float[Array, ""]
+    lead: Float[Array, ""]
+    h: Float[Array, ""]
+    substeps: int = eqx.field(static=True)
+
+    @staticmethod
+    def plain(n: int, dt: float, substeps: int = 1) -> "Signals":
+        """The signals of a plant that is no vehicle's, for `n` rows every `dt` seconds."""
+        nothing = jnp.zeros(n)
+        one, zero, h = jnp.ones(()), jnp.zeros(()), jnp.asarray(dt / substeps, float)
+        return Signals(dt * jnp.arange(n), nothing, nothing, nothing, one, zero, h, substeps)
+
+
+class Effort(eqx.Module):
+    """A plant in one sub-step, as the forces inside it see it.
+
+    Attributes:
+        u: the command that acts, its unit.
+        y: the response now, its unit.
+        rate: of the response at the end of the sub-step if no more force acts, unit/s.
+        gain: by how much a unit of force, told as a command, lowers that rate.
+        stuck: 1 where the response stood still in the sub-step before, else 0.
+        slowness: seconds of command that a unit of acceleration is worth: the sum of the plant's
+            time constants over its gain.
+    """
+
+    u: Float[Array, ""]
+    y: Float[Array, ""]
+    rate: Float[Array, ""]
+    gain: Float[Array, ""]
+    stuck: Float[Array, ""]
+    slowness: Float[Array, ""]
+
+
+class Scales(eqx.Module):
+    """Sizes of a record's signals, to make probes of: a probe is a value that is strictly on.
+
+    Attributes:
+        command: range of the command, its unit; `low` and `high` are its 2 and 98 % quantiles.
+        response: range of the response; `y_low` and `y_high` likewise.
+        rate: 95 % quantile of the modelled response's rate, unit/s.
+        speed: mean speed, m/s; 0 where there is none.
+        distance: length of the longest run, m.
+        duration: length of a run, s.
+        dt: sample period, s.
+        time_constant: slowest time constant of the plant, s.
+        noise: standard deviation of the response's noise.
+    """
+
+    low: float
+    high: float
+    y_low: float
+    y_high: float
+    rate: float
+    speed: float
+    distance: float
+    duration: float
+    dt: float
+    time_constant: float
+    noise: float
+
+    @property
+    def command(self) -> float:
+        """Range of the command."""
+        return self.high - self.low
+
+    @property
+    def response(self) -> float:
+        """Range of the response."""
+        return self.y_high - self.y_low
+
+
+class AbstractEffect(eqx.Module):
+    """A cause. A subclass overrides the ports that it acts at, and declares its parameters by
+    `vdmsi_jax.parameters.parameter`.
+
+    Attributes:
+        cause: the word of the contract.
+        weight: how many parameters it counts as in a comparison, where that is more than it has
+            (a cause whose place in time or frequency is searched over fits noise more easily).
+    """
+
+    cause: ClassVar[str]
+    weight: ClassVar[float] = 0.0
+
+    @property
+    def remembers(self) -> bool:
+        """Whether it acts between the rows: at a port other than `command` and `measured`."""
+        ports = ("held", "effort", "output", "sensor")
+        return any(getattr(type(self), p) is not getattr(AbstractEffect, p) for p in ports)
+
+    def scaled(self, scales: Scales) -> "AbstractEffect":
+        """The same effect with its constants set for a record."""
+        return self
+
+    @abc.abstractmethod
+    def probes(self, scales: Scales) -> list[tuple[float, ...]]:
+        """Values of the parameters to screen: finite, strictly on, from barely seen to plain."""
+
+    def command(self, u: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
+        """The command at the rows."""
+        return u
+
+    def held(self, u: Float[Array, " M"], signals: Signals) -> Float[Array, " M"]:
+        """The command at the sub-steps, on its way to the dynamics."""
+        return u
+
+    def effort(self, at: Effort) -> Float[Array, ""]:
+        """The force against the command in one sub-step, in the unit of the command."""
+        return jnp.zeros_like(at.u)
+
+    def output(self, y: Float[Array, " M"], signals: Signals) -> Float[Array, " M"]:
+        """The response at the sub-steps."""
+        return y
+
+    def measured(self, y: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
+        """The response at the rows: for effects that are slow to compute."""
+        return y
+
+    def sensor(self, y: Float[Array, " M"], signals: Signals) -> Float[Array, " M"]:
+        """What is measured of the response at the sub-steps."""
+        return y
+
+    def speed(self, v: Float[Array, " M"]) -> Float[Array, " M"]:
+        """Speed over the ground, m/s."""
+        return v
+
+    def angle(self, delta: Float[Array, " M"]) -> Float[Array, " M"]:
+        """Road-wheel angle, rad."""
+        return delta
+
+    def course(self, beta: Float[Array, " M"]) -> Float[Array, " M"]:
+        """Angle from the heading to the course, rad."""
+        return beta
+
+    def curvature(self, kappa: Float[Array, " M"], v: Float[Array, " M"]) -> Float[Array, " M"]:
+        """Curvature of the path, 1/m, at speed `v`, m/s."""
+        return kappa
+
+    def relaxed(
+        self, kappa: Float[Array, " M"], v: Float[Array, " M"], h: Float[Array, ""]
+    ) -> Float[Array, " M"]:
+        """Curvature at instants `h` seconds apart, with a memory of the way."""
+        return kappa
+
+
+def late(y: Float[Array, " M"], steps: Float[Array, ""]) -> Float[Array, " M"]:
+    """`y` later by so many samples, not necessarily whole; the first value stands before them.
+
+    Linear between samples, which is the exact mean over a sub-step of a signal that is held
+    between them. Exactly `y` at zero; negative values look ahead.
+    """
+    whole = jnp.floor(steps)
+    rest = steps - whole
+    at = jnp.arange(y.shape[0]) - whole.astype(int)
+    now = y[jnp.clip(at, 0, y.shape[0] - 1)]
+    before = y[jnp.clip(at - 1, 0, y.shape[0] - 1)]
+    return now + rest * (before - now)
+
+
+def first_order(y: Float[Array, " M"], steps: Float[Array, " M"]) -> Float[Array, " M"]:
+    """A first-order lag of `y`, exact where `y` is linear between samples.
+
+    Args:
+        y: the input; the first value stands before it.
+        steps: from each sample's predecessor to it, in time constants; where it is beyond 1e6 the
+            output is exactly the input.
+    """
+    keep = jnp.exp(-steps)
+    mean = -jnp.expm1(-steps) / steps  # of the exponential over the step
+    mean = jnp.where(steps > 1e6, 0.0, mean)
+
+    def follow(before: tuple[Array, Array], now: tuple[Array, ...]) -> tuple[tuple, Array]:
+        old, last = before
+        y, keep, mean = now
+        new = y + keep * (old - last) - mean * (y - last)
+        return (new, y), new
+
+    return lax.scan(follow, (y[0], y[0]), (y, keep, mean))[1]

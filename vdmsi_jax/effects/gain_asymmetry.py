@@ -1,0 +1,37 @@
+"""Gain asymmetry: one direction answers more than the other."""
+
+from typing import ClassVar, Literal
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from vdmsi_jax.effects.base import AbstractEffect, Effort, Scales, Signals
+from vdmsi_jax.parameters import parameter
+
+
+class GainAsymmetry(AbstractEffect):
+    """Another gain for positive commands than for negative ones, or for pushing (command above
+    response) than for braking.
+
+    Attributes:
+        by: the sign of what decides the gain.
+    """
+
+    cause: ClassVar[str] = "gain_asymmetry"
+
+    ratio: Float[Array, ""] = parameter("1", "positive over negative gain, minus 1", lower=-0.95)
+    by: Literal["command", "effort"] = eqx.field(static=True, default="command")
+
+    def probes(self, scales: Scales) -> list[tuple[float, ...]]:
+        return [(k,) for k in (-0.4, -0.1, 0.1, 0.5)]
+
+    def command(self, u: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
+        if self.by != "command":
+            return u
+        return jnp.where(u > 0.0, u + self.ratio * u, u)
+
+    def effort(self, at: Effort) -> Float[Array, ""]:
+        push = at.u - at.y
+        pushes = (push > 0.0) if self.by == "effort" else False
+        return jnp.where(pushes, -self.ratio * push, 0.0)

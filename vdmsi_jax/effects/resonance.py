@@ -1,0 +1,44 @@
+"""Resonance: a lightly damped mode between the command and the response."""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Float
+
+from vdmsi_jax.effects.base import AbstractEffect, Scales, Signals
+from vdmsi_jax.parameters import parameter
+
+
+class Resonance(AbstractEffect):
+    """A share `weight` of the command goes through `w² / (s² + 2 d w s + w²)`, exactly for held
+    commands."""
+
+    cause: ClassVar[str] = "resonance"
+    weight: ClassVar[float] = 4.0
+
+    frequency: Float[Array, ""] = parameter("Hz", "of the undamped mode", off=1.0, lower=1e-4)
+    damping: Float[Array, ""] = parameter("1", "ratio", off=0.1, lower=0.005, upper=0.7)
+    share: Float[Array, ""] = parameter("1", "weight of the mode", lower=-2.0, upper=3.0)
+
+    def probes(self, scales: Scales) -> list[tuple[float, ...]]:
+        slow = max(2.0 / scales.duration, 0.05 / scales.time_constant)
+        fast = min(0.4 / scales.dt, 10.0 / scales.time_constant)
+        ladder = [slow * (fast / slow) ** (k / 9) for k in range(10)] if fast > slow else [slow]
+        return [(frequency, 0.1, share) for frequency in ladder for share in (0.5, -0.2)]
+
+    def held(self, u: Float[Array, " M"], signals: Signals) -> Float[Array, " M"]:
+        w = 2.0 * jnp.pi * self.frequency
+        root = jnp.sqrt(1.0 - self.damping**2)
+        angle, decay = w * root * signals.h, jnp.exp(-self.damping * w * signals.h)
+        cosine, sine = decay * jnp.cos(angle), decay * jnp.sin(angle) / root
+        stay = cosine + self.damping * sine
+
+        def swing(state: tuple[Array, Array], u: Array) -> tuple[tuple[Array, Array], Array]:
+            q, dq = state  # position, and velocity over w
+            away = q - u
+            now = (u + stay * away + sine * dq, -sine * away + (cosine - self.damping * sine) * dq)
+            return now, 0.5 * (q + now[0])
+
+        mode = lax.scan(swing, (u[0], jnp.zeros_like(u[0])), u)[1]
+        return u + self.share * (mode - u)

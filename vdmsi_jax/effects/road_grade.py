@@ -1,0 +1,45 @@
+"""Road grade: hills, as a profile of the slope over the distance travelled."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from vdmsi_jax.effects.base import AbstractEffect, Scales, Signals
+from vdmsi_jax.parameters import parameter
+
+KNOTS = 8
+GRAVITY = 9.80665  # m/s^2
+
+
+class RoadGrade(AbstractEffect):
+    """Gravity along the road, as the command that is spent on it; every run begins at the same
+    place.
+
+    Attributes:
+        span: distance between the first knot, where a run begins, and the last, m.
+    """
+
+    cause: ClassVar[str] = "road_grade"
+    weight: ClassVar[float] = 10.0
+
+    slope: Float[Array, " knots"] = parameter(
+        "1", "slope (rise over run) at knots of equal distance, linear between", off=(0.0,) * KNOTS
+    )
+    span: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=100.0)
+
+    def scaled(self, scales: Scales) -> "RoadGrade":
+        return RoadGrade(self.slope, max(scales.distance, 1.0))
+
+    def probes(self, scales: Scales) -> list[tuple[float, ...]]:
+        hills = [(0.02 * (-1.0) ** (k // 2),) for k in range(KNOTS)]
+        one = [tuple(0.03 * (j == k) for j in range(KNOTS)) for k in range(KNOTS)]
+        return [tuple(h[0] for h in hills), *one]
+
+    def held(self, u: Float[Array, " M"], signals: Signals) -> Float[Array, " M"]:
+        at = jnp.clip(signals.distance / self.span, 0.0, 1.0) * (KNOTS - 1)
+        knots = jnp.arange(KNOTS)
+        hats = jnp.maximum(0.0, 1.0 - jnp.abs(at[:, None] - knots))
+        pull = GRAVITY * signals.slowness * (hats @ self.slope)
+        return u - jnp.repeat(pull, signals.substeps, total_repeat_length=u.shape[0])

@@ -1,0 +1,50 @@
+"""Saturation: the command, or the response, has an end."""
+
+from typing import ClassVar, Literal
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from vdmsi_jax.effects.base import AbstractEffect, Scales, Signals
+from vdmsi_jax.parameters import parameter
+
+
+class Saturation(AbstractEffect):
+    """Limits on the command, or on the response behind the dynamics (a stop).
+
+    Fitted as inverse limits about `middle`, since a limit that is off is infinite.
+
+    Attributes:
+        at: which signal is limited.
+    """
+
+    cause: ClassVar[str] = "saturation"
+
+    upper: Float[Array, ""] = parameter(
+        "1/command", "inverse of the upper limit", lower=0.0, shown="inverse"
+    )
+    lower: Float[Array, ""] = parameter(
+        "1/command", "inverse of the lower limit's size", lower=0.0, shown="inverse"
+    )
+    at: Literal["command", "response"] = eqx.field(static=True, default="command")
+
+    def probes(self, scales: Scales) -> list[tuple[float, ...]]:
+        if self.at == "command":
+            high, low = scales.high, -scales.low
+        else:
+            high, low = scales.y_high, -scales.y_low
+        up = [1.0 / (k * high) if high > 0 else 0.0 for k in (0.97, 0.9, 0.75, 0.55)]
+        down = [1.0 / (k * low) if low > 0 else 0.0 for k in (0.97, 0.9, 0.75, 0.55)]
+        both = list(zip(up, down, strict=True)) if high > 0 and low > 0 else []
+        one = [(a, 0.0) for a in up if a > 0] + [(0.0, b) for b in down if b > 0]
+        return both + one
+
+    def _limited(self, u: Array) -> Array:
+        return u / jnp.maximum(1.0, jnp.maximum(u * self.upper, -u * self.lower))
+
+    def command(self, u: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
+        return self._limited(u) if self.at == "command" else u
+
+    def measured(self, y: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
+        return self._limited(y) if self.at == "response" else y

@@ -1,0 +1,22 @@
+"""Speed-dependent gain: the steering answers less, or more, at speed."""
+
+from typing import ClassVar
+
+from jaxtyping import Array, Float
+
+from vdmsi_jax.effects.base import AbstractEffect, Scales, Signals
+from vdmsi_jax.parameters import parameter
+
+
+class SpeedDependentGain(AbstractEffect):
+    """Gain `1 + slope v`."""
+
+    cause: ClassVar[str] = "speed_dependent_gain"
+
+    slope: Float[Array, ""] = parameter("1/(m/s)", "relative change of the gain per m/s")
+
+    def probes(self, scales: Scales) -> list[tuple[float, ...]]:
+        return [(k / max(scales.speed, 0.1),) for k in (-0.3, -0.05, 0.05, 0.3)]
+
+    def command(self, u: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
+        return u + self.slope * signals.v * u

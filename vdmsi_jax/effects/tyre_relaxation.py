@@ -1,0 +1,29 @@
+"""Tyre relaxation: the tyres need a way to build up their slip."""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from vdmsi_jax.effects.base import AbstractEffect, Scales, first_order
+from vdmsi_jax.parameters import parameter
+
+
+class TyreRelaxation(AbstractEffect):
+    """The curvature follows over `length` metres of way.
+
+    Source: Pacejka, Tire and Vehicle Dynamics (2012), section 1.3 and ch. 7.
+    """
+
+    cause: ClassVar[str] = "tyre_relaxation"
+
+    length: Float[Array, ""] = parameter("m", "way over which the curvature follows", lower=0.0)
+
+    def probes(self, scales: Scales) -> list[tuple[float, ...]]:
+        return [(0.3,), (1.0,)]
+
+    def relaxed(
+        self, kappa: Float[Array, " M"], v: Float[Array, " M"], h: Float[Array, ""]
+    ) -> Float[Array, " M"]:
+        way = jnp.maximum(jnp.abs(v) * h, 1e-6)
+        return first_order(kappa, way / jnp.maximum(self.length, 1e-13))

@@ -1,0 +1,58 @@
+"""Parameters of effects: scalars with a value that switches the effect off, exactly."""
+
+import dataclasses
+import math
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+
+
+@dataclasses.dataclass(frozen=True)
+class Parameter:
+    """What is known of a parameter beside its value.
+
+    Attributes:
+        unit: its unit; `command` and `response` stand for the units of the plant's two channels,
+            `1/command` for an inverse one, and so on.
+        doc: what it means.
+        off: the value at which the effect is exactly the identity.
+        lower, upper: bounds of a fit; an open one where a signed continuation has a meaning, so
+            that "off" lies inside and a wrong sign refutes the cause.
+        shown: what a report tells instead of the value, where that is its inverse (a limit is
+            fitted as 1/limit, since the limit itself is infinite when it is off).
+    """
+
+    unit: str
+    doc: str
+    off: float | tuple[float, ...] = 0.0
+    lower: float = -math.inf
+    upper: float = math.inf
+    shown: str = "value"
+
+    def tell(self, value: float, std: float) -> tuple[float, float]:
+        """Value and standard deviation as they are told."""
+        if self.shown != "inverse":
+            return value, std
+        if value == 0.0:
+            return math.inf, math.inf
+        return 1.0 / value, std / value**2
+
+
+def parameter(unit: str, doc: str, **more: Any) -> Any:
+    """A field of an effect that is a parameter; its default is "off"."""
+    known = Parameter(unit, doc, **more)
+    return eqx.field(
+        default_factory=lambda: jnp.asarray(known.off, float),
+        converter=lambda value: jnp.asarray(value, float),
+        metadata={"parameter": known},
+    )
+
+
+def parameters(effect: Any) -> dict[str, Parameter]:
+    """The parameters of an effect (or of its class) by name, in the order of its fields."""
+    return {
+        field.name: field.metadata["parameter"]
+        for field in dataclasses.fields(effect)
+        if "parameter" in field.metadata
+    }

@@ -1,0 +1,289 @@
+"""A diagnosed response: measured and simulated, and what is wrong with it, when and where."""
+
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+from ..config import CANONICAL
+from ..correlation import autocorrelation
+from ..diagnose.result import Path, Response
+from ..units import si_symbol
+from .signals import NAMES
+from .style import (
+    COLOURS,
+    MUTED,
+    WIDTH,
+    envelope,
+    legend_above,
+    pretty_unit,
+    styled,
+    unit_label,
+)
+
+BASELINE, EXTENDED = COLOURS["VDM-SI"], COLOURS["extended"]
+BINS = 30
+PIECES = 400  # of a path, each of its own colour
+
+
+class Run(NamedTuple):
+    """One run of a response, NaN where there is no sample."""
+
+    name: str
+    t: np.ndarray
+    u: np.ndarray
+    y: np.ndarray
+    baseline: np.ndarray
+    extended: np.ndarray
+    held_out: np.ndarray
+
+    @property
+    def title(self) -> str:
+        """The run's name, and whether a fit has seen it."""
+        return self.name + (", held out" if self.held_out.any() else ", seen by the fit")
+
+
+def judged_run(response: Response) -> Run:
+    """The run with the most samples that no fit has seen; the longest if there are none."""
+    unseen = (response.held_out & response.valid).sum(axis=1)
+    counts = unseen if unseen.any() else response.valid.sum(axis=1)
+    i = int(np.argmax(counts))
+    valid = response.valid[i]
+    n = int(np.flatnonzero(valid)[-1]) + 1 if valid.any() else 0
+    there = valid[:n]
+    u, y, baseline, extended = (
+        np.where(there, getattr(response, name)[i, :n], np.nan)
+        for name in ("u", "y", "baseline", "extended")
+    )
+    held_out = response.held_out[i, :n] & there
+    return Run(response.runs[i], response.t[i, :n], u, y, baseline, extended, held_out)
+
+
+def _same(response: Response) -> bool:
+    """Whether nothing was put into the model, so that both simulations are one."""
+    return np.array_equal(response.baseline[response.valid], response.extended[response.valid])
+
+
+def _simulations(response: Response, run: Run) -> list[tuple[str, np.ndarray, str]]:
+    both = [("baseline", run.baseline, BASELINE), ("extended", run.extended, EXTENDED)]
+    return both[:1] if _same(response) else both
+
+
+def best_window(response: Response, run: Run) -> slice:
+    """Where the extension takes most error away (or, without one, where the error is largest):
+    a tenth of the run, at least 50 samples, at most 20 s."""
+    n = len(run.t)
+    width = min(n, max(50, min(n // 10, round(20.0 / response.dt))))
+    worth = (run.y - run.baseline) ** 2
+    if not _same(response):
+        worth = worth - (run.y - run.extended) ** 2
+    total = np.concatenate([[0.0], np.cumsum(np.nan_to_num(worth))])
+    start = int(np.argmax(total[width:] - total[:-width])) if n else 0
+    return slice(start, start + width)
+
+
+def _label(response: Response) -> str:
+    return unit_label(NAMES.get(response.channel, response.channel), response.unit)
+
+
+def _command_unit(response: Response, given: str | None) -> str:
+    if given is not None:
+        return given
+    known = response.command in CANONICAL
+    return si_symbol(CANONICAL[response.command]) if known else ""
+
+
+def draw_signals(axes: Axes, response: Response, run: Run, part: slice) -> None:
+    """Measured, baseline and extended over a part of a run; the command too if it is of the same
+    kind and the part is short enough to tell them apart."""
+    kinds = {CANONICAL.get(response.command), CANONICAL.get(response.channel)}
+    t = run.t[part]
+    if len(kinds) == 1 and None not in kinds and len(t) < len(run.t):
+        axes.plot(t, run.u[part], color=COLOURS["command"], lw=1.0, label="command")
+    options = {"color": COLOURS["measured"], "lw": 2.2, "alpha": 0.45, "label": "measured"}
+    axes.plot(*envelope(t, run.y[part]), **options)
+    for name, values, tone in _simulations(response, run):
+        axes.plot(*envelope(t, values[part]), color=tone, lw=1.2, label=name)
+    axes.set_ylabel(_label(response))
+
+
+def draw_residuals(axes: Axes, response: Response, run: Run, part: slice) -> None:
+    """Measured less simulated over a part of a run, with its root mean square."""
+    axes.axhline(0.0, color=MUTED, lw=0.8)
+    for name, values, tone in _simulations(response, run):
+        residual = (run.y - values)[part]
+        rms = np.sqrt(np.nanmean(residual**2))
+        label = f"{name}, rms {rms:.2g} {pretty_unit(response.unit)}".removesuffix(" 1")
+        axes.plot(*envelope(run.t[part], residual), color=tone, lw=0.9, alpha=0.85, label=label)
+    axes.set_ylabel(unit_label("residual", response.unit))
+
+
+@styled
+def overlay(response: Response) -> Figure:
+    """Measured, baseline and extended over the held-out run, a zoom on the window where the
+    extension helps most, and the residuals of both."""
+    run = judged_run(response)
+    window = best_window(response, run)
+    everything = slice(0, len(run.t))
+    figure = Figure(figsize=(WIDTH, 4.8))
+    axes = figure.subplot_mosaic("az;rs", width_ratios=(1.5, 1.0), height_ratios=(1.25, 1.0))
+    for name, part, draw in (
+        ("a", everything, draw_signals),
+        ("z", window, draw_signals),
+        ("r", everything, draw_residuals),
+        ("s", window, draw_residuals),
+    ):
+        draw(axes[name], response, run, part)
+    for name in "ar":
+        axes[name].axvspan(*run.t[window][[0, -1]], color=COLOURS["held out"], alpha=0.16, lw=0)
+    axes["r"].sharex(axes["a"])
+    axes["s"].sharex(axes["z"])
+    axes["a"].set_title(f"{response.name}: {run.title}", pad=20)
+    axes["z"].set_title("largest error" if _same(response) else "largest gain", pad=20)
+    for name in "rs":
+        axes[name].set_xlabel("time t (s)")
+    for name in "ar":
+        legend_above(axes[name])
+    command = [line for line in axes["z"].lines if line.get_label() == "command"]
+    if command:
+        legend_above(axes["z"], handles=command)
+    return figure
+
+
+@styled
+def on_path(response: Response, path: Path) -> Figure:
+    """Where on the road a response goes wrong: the measured path, coloured by the residual of
+    baseline and extended.
+
+    Args:
+        response: what to draw, with a run of the path's name.
+        path: a drive.
+
+    Raises:
+        ValueError: the response has no run of that name.
+    """
+    if path.run not in response.runs:
+        raise ValueError(f"{response.name} has no run {path.run!r}; it has {response.runs}")
+    i = response.runs.index(path.run)
+    there = response.valid[i]
+    run = Run(path.run, *(getattr(response, name)[i, there] for name in Run._fields[1:]))
+    both = _simulations(response, run)
+    rows = np.linspace(0, len(path.t) - 1, min(len(path.t), PIECES + 1)).astype(int)
+    points = path.measured[rows, :2]
+    lines = np.stack([points[:-1], points[1:]], axis=1)
+    total = [np.concatenate([[0.0], np.cumsum(run.y - values)]) for _, values, _ in both]
+    at = np.searchsorted(run.t, path.t[rows])
+    means = [np.diff(sums[at]) / np.maximum(np.diff(at), 1) for sums in total]
+    reach = max(float(np.abs(mean).max(initial=0.0)) for mean in means) or 1.0
+    figure = Figure(figsize=(WIDTH, 4.0))
+    every = figure.subplots(1, len(both), squeeze=False)[0]
+    tint = Normalize(-reach, reach)
+    tones = colormaps["coolwarm"].resampled(41)  # so few that the bar is no bitmap
+    for axes, (name, _, _), mean in zip(every, both, means, strict=True):
+        axes.update_datalim(points)
+        coloured = LineCollection(list(lines), array=mean, cmap=tones, norm=tint, lw=5.0)
+        axes.add_collection(coloured)
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.autoscale_view()
+        axes.set_xlabel("x (m)")
+        axes.set_title(f"{response.name}, {name}")
+    every[0].set_ylabel("y (m)")
+    bar = figure.colorbar(ScalarMappable(tint, tones), ax=list(every), pad=0.02)
+    bar.set_label(unit_label(f"residual of {response.channel}", response.unit))
+    return figure
+
+
+@styled
+def residual_against(response: Response, command_unit: str | None = None) -> Figure:
+    """Residual of baseline and extended against time, command, response and response rate: the
+    mean in bins of equally many samples, with the 95 % band of that mean.
+
+    A residual that is only noise has no shape in any of them. Response and rate are the simulated
+    ones, since the measured ones share their noise with the residual.
+
+    Args:
+        response: what to draw, its held-out samples (all of them if none is held out).
+        command_unit: of the command, where that is no canonical channel.
+    """
+    run = judged_run(response)
+    rows = response.valid & (response.held_out if run.held_out.any() else response.valid)
+    rate = _rate(response)
+    command, output = (NAMES.get(c, c) for c in (response.command, response.channel))
+    panels = (
+        ("time", f"time t of {run.name} (s)", None),
+        ("command", unit_label(command, _command_unit(response, command_unit)), response.u),
+        ("response", unit_label(f"simulated {output}", response.unit), response.extended),
+        ("response rate", unit_label(f"rate of {output}", _per_second(response.unit)), rate),
+    )
+    figure = Figure(figsize=(WIDTH, 5.0))
+    every = figure.subplots(2, 2, sharey=True)
+    spread = _correlated(response)
+    for axes, (title, label, against) in zip(every.flat, panels, strict=True):
+        axes.axhline(0.0, color=MUTED, lw=0.8)
+        for name, values, tone in _simulations(response, run):
+            if against is None:
+                at, residual = run.t, run.y - values
+                if run.held_out.any():
+                    residual = np.where(run.held_out, residual, np.nan)
+            else:
+                at, residual = against[rows], (response.y - getattr(response, name))[rows]
+            x, mean, half = binned(at, residual, spread, 2 * BINS if against is None else BINS)
+            axes.fill_between(x, mean - half, mean + half, color=tone, alpha=0.22, lw=0)
+            axes.plot(x, mean, ".-", ms=4, lw=1.1, color=tone, label=name)
+        axes.set_title(f"against {title}")
+        axes.set_xlabel(label)
+    for axes in every[:, 0]:
+        axes.set_ylabel(unit_label("residual", response.unit))
+    legend_above(every[0, 0])
+    return figure
+
+
+def binned(
+    x: np.ndarray, y: np.ndarray, spread: float, bins: int = BINS
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mean of `x` and `y` in bins of `x` that hold equally many samples (more where the bins would
+    be narrower than can be seen), and the half-width of the 95 % interval of the mean of `y`, when
+    `spread` samples tell as much as one independent one."""
+    fine = np.isfinite(x) & np.isfinite(y)
+    x, y = x[fine], y[fine]
+    edges = np.quantile(x, np.linspace(0.0, 1.0, bins + 1)) if x.size else x
+    narrow = np.ptp(edges[1:-1]) / (2 * bins) if x.size else 0.0
+    inner: list[float] = []
+    for edge in edges[1:-1]:
+        if not inner or edge > inner[-1] + narrow:
+            inner.append(edge)
+    which = np.searchsorted(inner, x, side="right")
+    count = np.bincount(which, minlength=1).astype(float)
+    count[count < 2] = np.nan
+    x_mean, mean = (np.bincount(which, values, minlength=1) / count for values in (x, y))
+    variance = np.bincount(which, (y - mean[which]) ** 2, minlength=1) / (count - 1.0)
+    half = 1.96 * np.sqrt(variance * np.minimum(spread, count) / count)
+    kept = np.isfinite(mean)
+    return x_mean[kept], mean[kept], half[kept]
+
+
+def _correlated(response: Response) -> float:
+    """How many samples of the extended residual tell as much as one independent one."""
+    residual = np.where(response.valid, response.y - response.extended, np.nan)
+    lags = max(1, min(residual.shape[1] // 4, 2000))
+    value = autocorrelation(list(residual), response.dt, lags).value
+    below = np.flatnonzero(value <= 0.0)
+    return 1.0 + 2.0 * float(value[1 : below[0] if below.size else None].sum())
+
+
+def _rate(response: Response) -> np.ndarray:
+    if response.extended.shape[1] < 2:
+        return np.full_like(response.extended, np.nan)
+    inside = np.where(response.valid, response.extended, np.nan)
+    return np.gradient(inside, response.dt, axis=1)
+
+
+def _per_second(unit: str) -> str:
+    if unit in ("", "1"):
+        return "1/s"
+    return unit[:-2] + "/s^2" if unit.endswith("/s") else f"{unit}/s"
