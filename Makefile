@@ -11,12 +11,14 @@ PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
 
-demo: .venv/.core  ## identify the demo logs, then simulate with what was found
+demo: .venv/.core  ## name the fault in three drives; identify others, and simulate with what was found
+	$(BIN)/vdmsi diagnose configs/demo/fault/run_1.csv configs/demo/fault/run_2.csv \
+	    configs/demo/fault/run_3.csv --config configs/demo/fault/vehicle.toml --out out/demo/diagnose
 	$(BIN)/vdmsi identify configs/demo/powertrain_steps.csv configs/demo/steering_steps.csv \
 	    --config configs/demo/vehicle.toml --out out/demo/identify
 	$(BIN)/vdmsi simulate out/demo/identify/identify.json configs/demo/bend.csv configs/demo/s_curve.csv \
 	    --config configs/demo/vehicle.toml --out out/demo/simulate
-	@echo "Open out/demo/identify/report.html and out/demo/simulate/report.html"
+	@echo "Open report.html in out/demo/diagnose, out/demo/identify and out/demo/simulate"
 
 test: .venv/.test  ## the tests, without the slow ones
 	$(PYTEST) --durations=10

@@ -187,6 +187,53 @@ def test_simulate_writes_scores_trajectories_and_a_report(identified, vdmsi, tmp
     assert not [name for name in os.listdir(results) if name.startswith(".")]
 
 
+EXTENDED = {
+    "schema": "vdmsi.model/1",
+    "vehicle": {"l_f": 1.75, "l_r": 1.20},
+    "plants": {
+        "powertrain": {"input": "v_cmd", "output": "v", "num": [2.5], "den": [1.0, 2.5]},
+        "steering": {
+            "input": "delta_cmd",
+            "output": "delta",
+            "num": [9.3],
+            "den": [1.0, 10.0],
+            "effects": [
+                {"cause": "transport_delay", "parameters": {"delay": 0.045}},
+                {"cause": "backlash", "parameters": {"gap": 0.02}},
+            ],
+        },
+    },
+    "body": [{"cause": "understeer", "parameters": {"gradient": 0.002}}],
+    "sensors": [{"channel": "v", "cause": "sensor_delay", "parameters": {"delay": 0.02}}],
+}
+
+
+def test_simulate_takes_a_model_with_effects(vdmsi, tmp_path):
+    (tmp_path / "model.json").write_text(json.dumps(EXTENDED))
+    out = tmp_path / "out"
+    done = vdmsi("simulate", tmp_path / "model.json", DEMO / "bend.csv", "--out", out)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "extended" in done.stdout
+    run = json.loads((out / "simulation.json").read_text())["runs"][0]
+    assert run["channels"] == run["extended"]["channels"]
+    # the truth has this delay, this gain and no play
+    assert run["extended"]["channels"]["delta"]["fit"] > run["vdm_si"]["channels"]["delta"]["fit"]
+    assert len({run[name]["ate"]["mean"] for name in ("vdm", "vdm_si", "extended")}) == 3
+    assert np.loadtxt(out / "bend.extended.tum").shape[1] == 8
+    html = (out / "report.html").read_text()
+    assert "VDM and VDM-SI and extended" in html and html.count("<svg") == 3
+
+
+def test_a_model_with_a_wrong_effect_is_refused(vdmsi, tmp_path):
+    wrong = json.loads(json.dumps(EXTENDED))
+    wrong["plants"]["steering"]["effects"][1]["parameters"] = {"gapp": 0.02}
+    (tmp_path / "model.json").write_text(json.dumps(wrong))
+    done = vdmsi("simulate", tmp_path / "model.json", DEMO / "bend.csv", "--out", tmp_path / "out")
+    told = refused(done)
+    assert "model.json" in told and "steering effects 2 parameters gapp" in told
+    assert "did you mean 'gap'" in told
+
+
 def test_a_sweep_goes_on_where_it_was_stopped(vdmsi, tmp_path, settings):
     config = tmp_path / "sweep.toml"
     runs = [

@@ -5,12 +5,20 @@ import dataclasses
 import numpy as np
 import pytest
 
-from vdmsi_jax.compare import compare, write_trajectories
+from vdmsi_jax.compare import compare, simulation_document, write_trajectories
 from vdmsi_jax.config import PlantSpec, VehicleGeometry
-from vdmsi_jax.data.record import Record
+from vdmsi_jax.data.record import Record, Segment
+from vdmsi_jax.effects.backlash import Backlash
+from vdmsi_jax.effects.gain_drift import GainDrift
+from vdmsi_jax.effects.offset import Offset
+from vdmsi_jax.effects.sensor import SensorBias, SensorDelay
+from vdmsi_jax.effects.speed_dependent_gain import SpeedDependentGain
+from vdmsi_jax.effects.understeer import Understeer
 from vdmsi_jax.errors import InputError
 from vdmsi_jax.model_file import Model, Plant
+from vdmsi_jax.models.extended_plant import ExtendedPlant
 from vdmsi_jax.models.transfer_function import TransferFunction
+from vdmsi_jax.simulate import Commands, Start, simulate
 
 DT, FINE = 0.02, 40  # s; steps of the integration per sample
 RATE = 5.0  # rad/s, of the steering lag
@@ -132,3 +140,82 @@ def test_a_log_without_the_models_commands_is_refused(model):
     log = Record.from_arrays(dt=DT, v_cmd=np.ones(100), v=np.ones(100))
     with pytest.raises(InputError, match="delta_cmd"):
         compare(log, model)
+
+
+def driven(model: Model, n: int = 1200) -> Record:
+    """A record that is the extended model itself, seen by its sensors; what a log would hold."""
+    channels = {name: values[:n] for name, values in drive(n=n).items()}
+    commands = Commands(channels["v_cmd"], channels["delta_cmd"], DT)
+    vehicle = dataclasses.replace(model, vehicle=VehicleGeometry(L_F, L_R)).to_vehicle()
+    path = simulate(vehicle, commands, Start(3.0, -2.0, 0.7))
+    seen = {name: np.array(getattr(path, name)) for name in ("v", "delta", "r", "x", "y", "psi")}
+    seen["r"] = np.r_[[seen["r"][0]] * 3, seen["r"][:-3]] + 0.05
+    return record(channels | seen)
+
+
+@pytest.fixture(scope="module")
+def extended(model) -> Model:
+    steering = Plant(model.plants["steering"].spec, ExtendedPlant(
+        model.plants["steering"].model, (SpeedDependentGain(-0.08), Backlash(0.06))
+    ))  # fmt: skip
+    sensors = (("r", SensorDelay(3 * DT)), ("r", SensorBias(0.05)), ("pose", SensorDelay(1.0)))
+    return Model({"steering": steering}, None, (Understeer(0.02),), sensors)
+
+
+def test_a_model_with_effects_is_a_third_prediction(extended, tmp_path):
+    log = driven(extended)
+    comparison = compare(log, extended)
+    assert list(comparison.predictions) == ["VDM", "VDM-SI", "extended"]
+    plain = compare(log, Model({"steering": Plant(
+        extended.plants["steering"].spec, extended.plants["steering"].linear
+    )}))  # fmt: skip
+    assert list(plain.predictions) == ["VDM", "VDM-SI"]
+    for name in plain.predictions:
+        np.testing.assert_array_equal(
+            comparison.predictions[name].whole.translation,
+            plain.predictions[name].whole.translation,
+        )
+    vdm_si, best = (comparison.predictions[name] for name in ("VDM-SI", "extended"))
+    assert best.whole.ate["max"] < 1e-6, "the log is the model itself"
+    assert min(best.scores[c].fit for c in ("delta", "r")) > 99.99
+    assert vdm_si.whole.ate["mean"] > 0.1 and vdm_si.scores["r"].fit < 90.0
+    document = simulation_document([comparison])["runs"][0]
+    assert document["extended"]["ate"]["max"] < 1e-6
+    assert document["channels"]["r"]["fit"] == best.scores["r"].fit
+    names = {path.name for path in write_trajectories(tmp_path, comparison)}
+    assert names == {f"drive.{kind}.tum" for kind in ("measured", "vdm", "vdm_si", "extended")}
+
+
+def test_an_extended_actuator_alone_hears_the_speed(extended):
+    log = driven(extended)
+    channels = {name: log[name] for name in ("v_cmd", "delta_cmd", "v", "delta")}
+    alone = compare(Record.from_arrays(dt=DT, **channels), extended)
+    assert alone.predictions["extended"].scores["delta"].fit > 99.99
+    assert alone.predictions["extended"].whole is None
+
+
+def test_a_run_goes_on_behind_a_gap(model):
+    """What changes as a run goes on does so behind a gap, too, and in a new run anew."""
+    steering = Plant(model.plants["steering"].spec, ExtendedPlant(
+        model.plants["steering"].model, (GainDrift(0.02),)
+    ))  # fmt: skip
+    whole = driven(Model({"steering": steering}))
+    torn = whole.select([Segment(0, 500), Segment(700, 1200)])
+    assert [len(segment) for segment in torn.segments] == [500, 500]
+    for log in (torn, Record.concatenate([whole, whole])):
+        prediction = compare(log, Model({"steering": steering})).predictions["extended"]
+        assert prediction.scores["delta"].fit > 99.9
+        assert prediction.whole.ate["max"] < 1e-3
+
+
+def test_an_extended_plant_starts_where_the_measurement_starts(model):
+    """Play and an offset stand between the state and what is measured of it."""
+    made = (Backlash(0.1), Offset(0.07))
+    linear = model.plants["steering"].model
+    plant = Plant(model.plants["steering"].spec, ExtendedPlant(linear, made))
+    channels = drive(n=600)
+    x0 = -0.3 * linear.to_plant().rest
+    delta = np.array(plant.model.simulate(channels["delta_cmd"], DT, x0).y)
+    log = Record.from_arrays(dt=DT, delta_cmd=channels["delta_cmd"], delta=delta)
+    best = compare(log, Model({"steering": plant})).predictions["extended"]
+    np.testing.assert_allclose(best.channels["delta"], delta, atol=1e-6)

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from .data.read import read_logs as read_logs
     from .data.record import Record as Record
     from .data.segment import Segment as Segment
+    from .diagnose import Diagnosis as Diagnosis
+    from .diagnose import Finding as Finding
+    from .diagnose import diagnose as diagnose
     from .errors import InputError as InputError
     from .identify.identify import identify as identify
     from .identify.result import Fit as Fit
@@ -52,6 +55,7 @@ _HOMES = {
     "data.read": ("read_log", "read_logs"),
     "data.record": ("Record",),
     "data.segment": ("Segment",),
+    "diagnose": ("Diagnosis", "Finding", "diagnose"),
     "errors": ("InputError",),
     "identify.identify": ("identify",),
     "identify.result": ("Fit", "OrderGrid"),

@@ -1,4 +1,4 @@
-"""The command line: `vdmsi identify`, `vdmsi simulate`, `vdmsi sweep`.
+"""The command line: `vdmsi diagnose`, `vdmsi identify`, `vdmsi simulate`, `vdmsi sweep`.
 
 Each command reads its input before it imports what computes, so that bad input is refused at once.
 """
@@ -130,6 +130,56 @@ def simulate(
         terminal.OUT.print(f"report: {out / 'report.html'}", soft_wrap=True)
 
 
+def diagnose(
+    logs: Logs,
+    /,
+    *,
+    out: Folder,
+    config: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None,
+    report: bool = True,
+    cache: bool = True,
+) -> None:
+    """Say what the simulation gets wrong, why, and what an extended model gains.
+
+    Writes diagnosis.json, model.json (the extended model, which `vdmsi simulate` takes), and
+    report.html.
+
+    Args:
+        logs: CSV or NPZ files of one vehicle; of several, the last third judges what the others
+            taught.
+        out: folder to write to.
+        config: TOML file: vehicle, columns, units, plants; canonical columns without one.
+        report: write report.html.
+        cache: keep compiled programs for the next time.
+    """
+    from .config import load_config
+    from .data.read import read_logs
+    from .files import output_folder, write_json, write_text
+
+    settings = None if config is None else load_config(config)
+    records = read_logs(logs, settings)
+    output_folder(out)
+    _prepare_jax(cache)
+
+    from . import terminal
+    from .diagnose import diagnose as run
+    from .diagnose.document import diagnosis_document
+    from .model_file import save_model
+
+    with terminal.working("diagnosing") as say:
+        found = run(records, told=say)
+    write_json(out / "diagnosis.json", diagnosis_document(found))
+    save_model(out / "model.json", found.model)
+    terminal.show_diagnosis(found)
+    if report:
+        with terminal.working("drawing the report"):
+            from .report.diagnosis import diagnosis_page
+            from .report.page import render
+
+            write_text(out / "report.html", render(diagnosis_page(found)))
+        terminal.OUT.print(f"report: {out / 'report.html'}", soft_wrap=True)
+
+
 def sweep(
     config: Annotated[Path, Positional, arg(metavar="CONFIG")],
     /,
@@ -170,7 +220,7 @@ def sweep(
         raise SystemExit(2)
 
 
-COMMANDS = {"identify": identify, "simulate": simulate, "sweep": sweep}
+COMMANDS = {"diagnose": diagnose, "identify": identify, "simulate": simulate, "sweep": sweep}
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -221,7 +271,7 @@ def _dispatch(arguments: list[str]) -> None:
             call = tyro.extras.subcommand_cli_from_dict(
                 {name: _delayed(command) for name, command in COMMANDS.items()},
                 prog="vdmsi",
-                description="Identify a vehicle's actuators, simulate the vehicle, and compare. "
+                description="Name what a vehicle's simulation gets wrong; identify its actuators; simulate. "
                 "`vdmsi --version` tells the version.",
                 args=arguments,
             )

@@ -1,6 +1,6 @@
 """What the command line shows while it works and when it is done. Nothing here computes."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -18,13 +18,13 @@ ERR = Console(stderr=True, highlight=False)
 
 
 @contextmanager
-def working(what: str) -> Iterator[None]:
-    """A spinner on standard error, where that is a terminal."""
+def working(what: str) -> Iterator[Callable[[str], None]]:
+    """A spinner on standard error, where that is a terminal; gives what changes its words."""
     if not ERR.is_terminal:
-        yield
+        yield lambda _: None
         return
-    with ERR.status(what):
-        yield
+    with ERR.status(what) as status:
+        yield status.update
 
 
 def progress() -> Progress:

@@ -5,8 +5,7 @@ by regression (the chain rule of likelihoods), so that one disturbance is not co
 as increments over half a second in the body's frame, which need no start and do not pile errors up.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import equinox as eqx
@@ -15,11 +14,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ..effects import VEHICLE, AbstractEffect
+from ..effects import VEHICLE
 from ..effects.base import first_order
 from ..models.bicycle import Bicycle
 from ..parameters import parameters
-from .colour import autoregression, filter_length, whiten
 
 WINDOW = 0.5
 """Length of a pose increment, s."""
@@ -67,6 +65,7 @@ CAUSES = (
     BodyCause("sensor_lag", "sensor", "v", ("time_constant",), ("s",), ((0.05,), (0.2,)), 0.0),
     BodyCause("sensor_delay", "sensor", "v", ("delay",), ("s",), ((0.05,), (0.2,)), 0.0),
     BodyCause("sensor_bias", "sensor", "v", ("bias",), ("m/s",), ((0.1,),)),
+    BodyCause("sensor_bias", "sensor", "psi", ("bias",), ("rad",), ((0.01,),)),
     BodyCause("sensor_delay", "sensor", "pose", ("delay",), ("s",), ((0.05,), (0.2,)), 0.0),
 )
 """The causes of this stage; the first ones in the order of the registry `effects.VEHICLE`."""
@@ -110,6 +109,7 @@ class Body:
         """Causes that the channels at hand could show."""
         poses = "psi" in self.measured
         hidden = {("speed_scale", None), ("sensor_bias", "v"), ("bank", None), ("sensor_delay", "pose")}
+        hidden |= {("sensor_bias", "psi")}
         hidden |= {("sensor_lag", "v"), ("sensor_delay", "v")}
         yaw = {("sensor_lag", "r"), ("sensor_delay", "r"), ("sensor_bias", "r")}
         return tuple(
@@ -148,17 +148,8 @@ def increments(x, y, psi, window: int, xp=np):
 @eqx.filter_jit
 def _simulate(effects, theta, v, delta, bicycle: Bicycle, dt, window: int):
     def one(vector, v, delta):
-        at, made = 1, []
-        for effect in effects:
-            for name in parameters(effect):
-                effect = eqx.tree_at(lambda e, name=name: getattr(e, name), effect, vector[at])
-                at += 1
-            made.append(effect)
-        r_lag, r_late, r_bias, d_lag, d_late, v_lag, v_late, v_bias, pose_late = vector[at:]
-        return _motion(
-            made, vector[0], v, delta, bicycle, dt, window,
-            (r_lag, r_late, r_bias, d_lag, d_late, v_lag, v_late, v_bias, pose_late),
-        )  # fmt: skip
+        r, x, y, psi = _motion(effects, vector, v, delta, bicycle, dt)
+        return r, *increments(x, y, psi, window, jnp)
 
     over_runs = jax.vmap(one, in_axes=(None, 0, 0))
     return jax.vmap(over_runs, in_axes=(0, None, None))(
@@ -166,8 +157,30 @@ def _simulate(effects, theta, v, delta, bicycle: Bicycle, dt, window: int):
     )
 
 
-def _motion(effects: Sequence[AbstractEffect], lag, v, delta, bicycle, dt, window, sensors):
-    r_lag, r_late, r_bias, d_lag, d_late, v_lag, v_late, v_bias, pose_late = sensors
+@eqx.filter_jit
+def _travel(effects, theta, v, delta, bicycle: Bicycle, dt):
+    def one(v, delta):
+        return _motion(effects, theta, v, delta, bicycle, dt)
+
+    return jax.vmap(one)(jnp.asarray(v), jnp.asarray(delta))
+
+
+def travel(
+    body: Body, theta: Float[np.ndarray, " P"], v: np.ndarray, delta: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Yaw rate and pose, (runs, N) each, from speeds and angles; poses begin at zero."""
+    r, x, y, psi = _travel(VEHICLE, jnp.asarray(theta), v, delta, body.bicycle, body.dt)
+    return np.asarray(r), np.asarray(x), np.asarray(y), np.asarray(psi)
+
+
+def _motion(registered, vector, v, delta, bicycle, dt):
+    at, effects = 1, []
+    for effect in registered:
+        for name in parameters(effect):
+            effect = eqx.tree_at(lambda e, name=name: getattr(e, name), effect, vector[at])
+            at += 1
+        effects.append(effect)
+    r_lag, r_late, r_bias, d_lag, d_late, v_lag, v_late, v_bias, askew, pose_late = vector[at:]
     v = _unsensed(v - v_bias, v_lag, v_late, dt)
     delta = _unsensed(delta, d_lag, d_late, dt)
     for effect in effects:
@@ -178,16 +191,16 @@ def _motion(effects: Sequence[AbstractEffect], lag, v, delta, bicycle, dt, windo
         beta, kappa = effect.course(beta), effect.curvature(kappa, v)
     for effect in effects:
         kappa = effect.relaxed(kappa, v, dt)
-    r = _lagged(v * kappa, lag, dt)
+    r = _lagged(v * kappa, vector[0], dt)
 
     def run(values):
         return jnp.concatenate([jnp.zeros(1), jnp.cumsum(0.5 * (values[1:] + values[:-1]) * dt)])
 
     psi = run(r)
+    beta = beta - askew  # a heading that is told too large turns the path to the right of it
     x, y = run(v * jnp.cos(psi + beta)), run(v * jnp.sin(psi + beta))
-    poses = [_shifted(p, pose_late / dt) for p in (x, y, psi)]
-    seen = _shifted(_lagged(r, r_lag, dt), r_late / dt) + r_bias
-    return seen, *increments(*poses, window, jnp)
+    x, y, psi = (_shifted(p, pose_late / dt) for p in (x, y, psi))
+    return _shifted(_lagged(r, r_lag, dt), r_late / dt) + r_bias, x, y, psi
 
 
 def _unsensed(y, lag, late, dt):

@@ -1,7 +1,7 @@
 """The search for causes in the body, the road and the sensors: likelihood over all its channels."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -11,7 +11,7 @@ from .colour import autoregression, filter_length, whiten
 from .search import CAUSE_COST, MARGIN, PARAMETER_COST
 
 _STEP = 1e-3
-_MOST = 4
+_MOST = 7
 _REFITTED = 5  # candidates of a screen that are refitted
 
 
@@ -376,3 +376,25 @@ def _within(body: Body, active: Sequence[int], theta: np.ndarray) -> np.ndarray:
         index = list(body.index[k])
         theta[index] = np.clip(theta[index], CAUSES[k].lower, 5.0)
     return theta
+
+
+def at_fixed(found: BodySearch, number: int, value: float) -> float:
+    """What a cause at a given value lacks, in twice the log-likelihood, against the final fit."""
+    lane = _Lane.of(found.body, found.final)
+    theta = found.final.theta.copy()
+    theta[found.body.index[number][0]] = value
+    lane.theta, lane.y = theta, _answers(found.body, [theta])[0]
+    lane.recolour()
+    return 2.0 * (found.final.loglik - lane.finish().loglik)
+
+
+def residual(
+    body: Body, fit: BodyFit, channel: str, use: np.ndarray
+) -> Float[np.ndarray, "R N"]:
+    """What a fit leaves of a channel after the chain rule, over any samples, by the shares that the
+    fit has found."""
+    lane = _Lane.of(body, fit)
+    e = {c: body.measured[c] - fit.predicted[c] for c in fit.predicted}
+    whole = {c: np.ones_like(body.mask[c]) for c in body.mask}
+    X = chain(replace(body, mask=whole), fit.predicted, e)[channel]
+    return np.where(use, e[channel] - np.tensordot(lane.shares[channel], X, 1), 0.0)

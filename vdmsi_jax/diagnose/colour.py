@@ -1,7 +1,7 @@
 """The colour of noise: autoregressive whitening, estimated from residuals of several runs."""
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Complex, Float
 
 LENGTH = 0.6
 """How much of the past a whitening filter sees, s."""
@@ -18,20 +18,31 @@ def filter_length(dt: float, samples: int) -> int:
 def autoregression(
     e: Float[np.ndarray, "H R N"], mask: Bool[np.ndarray, "R N"], order: int
 ) -> Float[np.ndarray, "H order"]:
-    """Coefficients of the Yule-Walker prediction `e[k] ~ sum a[j] e[k-1-j]`, for each of H residuals
-    over R runs; samples outside the mask count as zero.
+    """Coefficients of the Yule-Walker prediction `e[k] ~ sum a[j] e[k-1-j]`, for each of H
+    residuals over R runs; samples outside the mask count as zero.
 
     Source: Brockwell and Davis, Time Series: Theory and Methods (1991), section 8.1.
     """
-    H = e.shape[0]
-    size = 1 << (e.shape[2] + order).bit_length()
-    spectrum = np.fft.rfft(np.where(mask, e, 0.0), size)
-    power = np.sum(np.abs(spectrum) ** 2, axis=1)
-    covariance = np.fft.irfft(power, size)[:, : order + 1]
+    return predicted(spectrum(np.where(mask, e, 0.0)), order)[0]
+
+
+def spectrum(e: Float[np.ndarray, "... N"]) -> Complex[np.ndarray, "... F"]:
+    """Fourier transform, padded so that no lag of a whitening filter wraps around."""
+    return np.fft.rfft(e, 1 << (e.shape[-1] + _MOST).bit_length())
+
+
+def predicted(
+    spectra: Complex[np.ndarray, "H R F"], order: int
+) -> tuple[Float[np.ndarray, "H order"], Float[np.ndarray, " H"]]:
+    """Coefficients of `autoregression` and the sum of squares that the prediction leaves, from the
+    `spectrum` of signals that are zero where they do not count."""
+    power = np.sum(spectra.real**2 + spectra.imag**2, axis=1)
+    covariance = np.fft.irfft(power)[:, : order + 1]
     covariance[:, 0] = covariance[:, 0] * (1 + 1e-9) + 1e-300
     lags = np.abs(np.arange(order)[:, None] - np.arange(order)[None, :])
-    matrices = covariance[:, lags]
-    return np.linalg.solve(matrices, covariance[:, 1:, None]).reshape(H, order)
+    later = covariance[:, 1:]
+    coefficients = np.linalg.solve(covariance[:, lags], later[..., None])[..., 0]
+    return coefficients, covariance[:, 0] - np.sum(coefficients * later, axis=1)
 
 
 def whiten(

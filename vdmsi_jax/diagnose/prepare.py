@@ -223,13 +223,13 @@ def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
     channels = set.intersection(*(set(r.channels) for r in runs.records))
     if vehicle is None or angle is None or "v" not in channels:
         return None
-    told = {"r"} if "r" in channels and "delta" in channels else set()
+    told = "r" in channels and "delta" in channels and not _derived(runs, angle)
     posed = {"x", "y", "psi"} <= channels
     if not told and not posed:
         return None
     measured, mask, held_out = {}, {}, {}
     held = runs.held()
-    moving = runs.seen("v") & angle[1]
+    moving = runs.seen("v") & angle[1] & _inside(runs)
     if told:
         measured["r"] = runs.channel("r")
         mask["r"], held_out["r"] = (moving & runs.seen("r") & part for part in (~held, held))
@@ -270,3 +270,22 @@ def _smoothed(y: np.ndarray, dt: float) -> np.ndarray:
     padded = np.pad(y, ((0, 0), (half, half)), mode="edge")
     total = np.cumsum(np.pad(padded, ((0, 0), (1, 0))), axis=1)
     return (total[:, 2 * half + 1 :] - total[:, : -2 * half - 1]) / (2 * half + 1)
+
+
+def _inside(runs: Runs) -> np.ndarray:
+    """(R, N) all but half a second at both ends of each run, which a sensor's delay reaches over."""
+    edge = max(1, round(WINDOW / runs.dt))
+    at = np.arange(runs.length)
+    sizes = [b - a for a, b in zip(runs.starts, runs.stops, strict=True)]
+    return np.stack([(at >= edge) & (at < size - edge) for size in sizes])
+
+
+def _derived(runs: Runs, angle: tuple[np.ndarray, np.ndarray]) -> bool:
+    """Whether the steering angle was made of the yaw rate, which then tells nothing of its own."""
+    vehicle = runs.records[0].vehicle
+    assert vehicle is not None
+    v, r, known = runs.channel("v"), runs.channel("r"), angle[1] & runs.seen("r")
+    behind = vehicle.rear_to_reference
+    bicycle = Bicycle(vehicle.wheelbase - behind, behind)
+    error = np.abs(np.asarray(bicycle.yaw_rate(v, angle[0])) - r)[known]
+    return bool(error.size and np.median(error) < 1e-6 * max(float(np.std(r[known])), 1e-12))

@@ -1,12 +1,15 @@
 """Refitting hypotheses: plant and causes together, on the whitened simulation error, many at once.
 
 Levenberg-Marquardt whose Jacobians are differences: the lanes of the one compiled simulation give a
-difference for a third of the time of a forward-mode tangent, without a second program to compile, and
-sticking and steps have useful differences where they have no derivative.
+difference for a third of the time of a forward-mode tangent, without a second program to compile,
+and sticking and steps have useful differences where they have no derivative. Where many hypotheses
+are fitted at once, a Jacobian is kept and corrected along the steps that are taken (Broyden, A
+class of methods for solving nonlinear simultaneous equations, 1965) for as long as the steps it
+proposes help; not with forces inside, whose sticking makes a response rough.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -16,6 +19,8 @@ from .stage import LEAD, POLES, Stage
 
 _STEP = 1e-4  # of a parameter's usual size, for differences
 _SETTLED = 0.05  # gain of twice the log-likelihood by a step after which a lane rests
+_HELPS = 2.0  # gain above which steps make slopes old, and old ones still help
+_FEW = 8  # lanes, for which differences cost next to nothing
 _DAMPINGS = (0.1, 3.0, 100.0)
 _FREE_STATE = 0.3  # prior standard deviation of a state at the start, of the response's range
 
@@ -61,7 +66,7 @@ class Refit:
         states: (N, n) response to the states at the start.
         colour: coefficients of its own whitening filter.
         variance: of the innovations.
-        covariance: of the free parameters.
+        covariance: of the free parameters, by the last slopes.
     """
 
     hypothesis: Hypothesis
@@ -76,18 +81,31 @@ class Refit:
 
 @dataclass
 class _Lane:
+    """A hypothesis on its way. White is what has passed the whitening filter, zero where it does
+    not count."""
+
     hypothesis: Hypothesis
     free: np.ndarray
-    damping: float
     y: np.ndarray
     states: np.ndarray  # (N, n) free response of the plant to its states
     colour: np.ndarray
+    damping: float = 1e-2
     cost: float = np.inf
     settled: bool = False
+    slopes: np.ndarray | None = None  # (p, R, N) differences, None where they are wanted anew
+    drift: float = 0.0  # gain since they were taken
+    white_error: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))  # (R, N)
+    white_states: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))  # (n, N)
+    white_slopes: np.ndarray | None = None
 
 
 def refit(
-    stage: Stage, hypotheses: Sequence[Hypothesis], rounds: int = 3, steps: int = 3
+    stage: Stage,
+    hypotheses: Sequence[Hypothesis],
+    rounds: int = 3,
+    steps: int = 3,
+    worth: Callable[[Hypothesis, float], float] | None = None,
+    reach: float = np.inf,
 ) -> list[Refit]:
     """Fit all hypotheses, each under its own colour of noise.
 
@@ -96,6 +114,9 @@ def refit(
         hypotheses: with starting values.
         rounds: how often the colour is estimated anew.
         steps: steps of Levenberg-Marquardt between.
+        worth: of a hypothesis and its log-likelihood; with it, those that are more than `reach`
+            below the best after the first round are given up, and missing in the answer.
+        reach: see `worth`.
     """
     if not hypotheses:
         return []
@@ -103,25 +124,29 @@ def refit(
     counted = usable(stage)
     start = _bounded(stage, stage.simulate(np.stack([h.theta for h in hypotheses])))
     lanes = [
-        _Lane(h, h.free(stage), 1e-2, y, _states(stage, h), np.zeros(order))
+        _Lane(h, h.free(stage), y, _states(stage, h), np.zeros(order))
         for h, y in zip(hypotheses, start, strict=True)
     ]
-    _recolour(stage, lanes, order)
-    for _ in range(rounds):
+    _recolour(stage, lanes, counted)
+    for k in range(rounds):
         for lane in lanes:
-            lane.cost = float(_project(stage, lane, counted, [lane.y])[0][0])
+            lane.cost = float(_project(stage, lane, counted, lane.white_error[None])[0, 0])
             lane.settled = False
         for _ in range(steps):
             moving = [lane for lane in lanes if not lane.settled]
             if moving:
                 _advance(stage, moving, counted)
-        _recolour(stage, lanes, order)
+        _recolour(stage, lanes, counted)
+        if worth is not None and k == 0:
+            values = [worth(f.hypothesis, f.loglik) for f in _finish(stage, lanes, counted)]
+            most = max(values)
+            lanes = [x for x, v in zip(lanes, values, strict=True) if v >= most - reach]
     return _finish(stage, lanes, counted)
 
 
 def usable(stage: Stage) -> np.ndarray:
-    """Samples whose innovations count. Before the first of a run there is no past, so its innovation
-    is the residual itself; without them nothing would hold the states at the start."""
+    """Samples whose innovations count. Before the first of a run there is no past, so its
+    innovation is the residual itself; without them nothing would hold the states at the start."""
     return stage.mask
 
 
@@ -161,44 +186,35 @@ def _residual(stage: Stage, y: np.ndarray) -> np.ndarray:
     return np.where(stage.mask, stage.y - y, 0.0)
 
 
-def _start_of(stage: Stage, lane: _Lane, counted: np.ndarray, whitened: np.ndarray) -> np.ndarray:
-    """(runs, n) free states that fit best, by the whitened residual."""
-    F = whiten(lane.states.T[None], lane.colour[None])[0]
-    variance = max(float(np.mean(whitened[counted] ** 2)), 1e-300)
-    prior = variance / (_FREE_STATE * stage.scales.response) ** 2
-    found = []
-    for e, use in zip(whitened, counted, strict=True):
-        own = F[:, use]
-        found.append(np.linalg.solve(own @ own.T + prior * np.eye(len(own)), own @ e[use]))
-    return np.array(found)
+def _white(x: np.ndarray, lane: _Lane, counted: np.ndarray) -> np.ndarray:
+    return whiten(x[None], lane.colour[None])[0] * counted
+
+
+def _prior(stage: Stage, lane: _Lane, counted: np.ndarray) -> float:
+    """What holds the free states, in units of the innovations."""
+    variance = max(float(np.sum(lane.white_error**2)) / counted.sum(), 1e-300)
+    return variance / (_FREE_STATE * stage.scales.response) ** 2
 
 
 def _project(
-    stage: Stage, lane: _Lane, counted: np.ndarray, candidates: Sequence[np.ndarray], J=None
-):
-    """Costs of candidate responses after the best free states, and with a Jacobian (p, R, N) the
-    normal equations at the first of them."""
-    F = whiten(lane.states.T[None], lane.colour[None])[0]
-    e = whiten(
-        np.stack([_residual(stage, y) for y in candidates])[None], lane.colour[None]
-    )[0]
-    rows = e if J is None else np.concatenate([e, whiten(J[None], lane.colour[None])[0]])
-    variance = max(float(np.mean(e[0][counted] ** 2)), 1e-300)
-    prior = variance / (_FREE_STATE * stage.scales.response) ** 2
+    stage: Stage, lane: _Lane, counted: np.ndarray, rows: Float[np.ndarray, "q R N"]
+) -> Float[np.ndarray, "q q"]:
+    """Products of white rows, what the best free states of each run explain taken out."""
+    prior = _prior(stage, lane, counted) * np.eye(len(lane.white_states))
     gram = np.zeros((len(rows), len(rows)))
     for r, use in enumerate(counted):
-        own, f = rows[:, r, use], F[:, use]
+        own, f = rows[:, r], lane.white_states * use
         across = own @ f.T
-        inner = f @ f.T + prior * np.eye(len(f))
-        gram += own @ own.T - across @ np.linalg.solve(inner, across.T)
-    k = len(candidates)
-    return np.diag(gram)[:k], gram[k:, k:], gram[k:, 0]
+        gram += own @ own.T - across @ np.linalg.solve(f @ f.T + prior, across.T)
+    return gram
 
 
 def sensitivities(
     stage: Stage, hypotheses: Sequence[Hypothesis], y: Sequence[np.ndarray]
 ) -> list[Float[np.ndarray, "p R N"]]:
     """Differences of the response with respect to the free parameters, about the responses `y`."""
+    if not hypotheses:
+        return []
     high = stage.bounds[1]
     shifted, sizes = [], []
     for h in hypotheses:
@@ -217,14 +233,24 @@ def sensitivities(
 
 
 def _advance(stage: Stage, lanes: list[_Lane], counted: np.ndarray) -> None:
-    """One step of Levenberg-Marquardt of every lane: differences, then three dampings tried."""
+    """One step of Levenberg-Marquardt of every lane: differences where the old ones no longer
+    serve, then three dampings tried."""
     low, high = stage.bounds
-    slopes = sensitivities(stage, [lane.hypothesis for lane in lanes], [lane.y for lane in lanes])
-    trials = []
-    for lane, J in zip(lanes, slopes, strict=True):
-        J = np.where(stage.mask, J, 0.0)
-        _, normal, slope = _project(stage, lane, counted, [lane.y], J)
+    stale = []
+    for lane in lanes:
+        rough = any(stage.slots[number].forces for number in lane.hypothesis.active)
+        if lane.drift > 0.0 and (rough or len(lanes) <= _FEW):
+            lane.slopes = None
+        if lane.slopes is None:
+            stale.append(lane)
+    _differ(stage, stale, counted)
+    trials, scales = [], []
+    for lane in lanes:
+        rows = np.concatenate([lane.white_error[None], lane.white_slopes])
+        gram = _project(stage, lane, counted, rows)
+        normal, slope = gram[1:, 1:], gram[1:, 0]
         scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+        scales.append(scale)
         unit, rhs = normal / np.outer(scale, scale), slope / scale
         theta = lane.hypothesis.theta
         for factor in _DAMPINGS:
@@ -232,37 +258,89 @@ def _advance(stage: Stage, lanes: list[_Lane], counted: np.ndarray) -> None:
             new = theta.copy()
             new[lane.free] = np.clip(theta[lane.free] + step, low[lane.free], high[lane.free])
             trials.append(new)
-    answers = _bounded(stage, stage.simulate(np.stack(trials)))
     tried = len(_DAMPINGS)
+    answers = _bounded(stage, stage.simulate(np.stack(trials)))
+    answers = answers.reshape(len(lanes), tried, *stage.y.shape)
+    colours = np.stack([lane.colour for lane in lanes])
+    errors = whiten(_residual(stage, answers), colours) * counted
     for i, lane in enumerate(lanes):
-        own = answers[tried * i : tried * (i + 1)]
-        costs = _project(stage, lane, counted, list(own))[0]
-        best = int(np.nanargmin(np.where(np.isfinite(costs), costs, np.inf)))
+        costs = np.diag(_project(stage, lane, counted, errors[i]))
+        best = int(np.argmin(np.where(np.isfinite(costs), costs, np.inf)))
+        serves = lane.drift < _HELPS
         if costs[best] < lane.cost:
             gained = (lane.cost - costs[best]) / lane.cost * counted.sum()
-            lane.settled = bool(gained < _SETTLED)
-            lane.cost, lane.y = float(costs[best]), own[best]
-            lane.hypothesis = replace(lane.hypothesis, theta=trials[tried * i + best])
+            theta = trials[tried * i + best]
+            _move(stage, lane, scales[i], theta, answers[i, best], errors[i, best])
+            lane.settled = bool(gained < _SETTLED) and serves
+            lane.drift += gained
+            lane.slopes = lane.slopes if serves or gained > _HELPS else None
             lane.damping = max(lane.damping * _DAMPINGS[best], 1e-9)
-            lane.states = _states(stage, lane.hypothesis)
-        else:
+            lane.cost = float(costs[best])
+        elif serves:
             lane.settled = lane.damping > 1e3
             lane.damping *= 300.0
+        else:
+            lane.slopes = None
 
 
-def _recolour(stage: Stage, lanes: list[_Lane], order: int) -> None:
+def _differ(stage: Stage, lanes: list[_Lane], counted: np.ndarray) -> None:
+    """Take the slopes of lanes anew."""
+    slopes = sensitivities(stage, [lane.hypothesis for lane in lanes], [lane.y for lane in lanes])
+    for lane, J in zip(lanes, slopes, strict=True):
+        lane.slopes, lane.drift = np.where(stage.mask, J, 0.0), 0.0
+        lane.white_slopes = _white(lane.slopes, lane, counted)
+
+
+def _move(
+    stage: Stage,
+    lane: _Lane,
+    scale: np.ndarray,
+    theta: np.ndarray,
+    y: np.ndarray,
+    white: np.ndarray,
+) -> None:
+    """Move a lane to where a step led, and correct its slopes along the step by what came of it."""
+    assert lane.slopes is not None and lane.white_slopes is not None
+    step = (theta - lane.hypothesis.theta)[lane.free]
+    weight = step * scale**2
+    along = (weight / max(float(step @ weight), 1e-300))[:, None, None]
+    surprise = np.where(stage.mask, y - lane.y, 0.0) - np.tensordot(step, lane.slopes, axes=1)
+    lane.slopes = lane.slopes + along * surprise
+    surprise = lane.white_error - white - np.tensordot(step, lane.white_slopes, axes=1)
+    lane.white_slopes = lane.white_slopes + along * surprise
+    lane.y, lane.white_error = y, white
+    lane.hypothesis = replace(lane.hypothesis, theta=theta)
+    lane.states = _states(stage, lane.hypothesis)
+    lane.white_states = whiten(lane.states.T[None], lane.colour[None])[0]
+
+
+def _recolour(stage: Stage, lanes: list[_Lane], counted: np.ndarray) -> None:
     """Estimate the colour of every lane's residual, free states taken out."""
-    counted = usable(stage)
     for lane in lanes:
-        e = _with_states(stage, lane, counted)[1]
-        lane.colour = autoregression(e[None], stage.mask, order)[0]
+        _repaint(stage, lane, counted)
+    left = np.stack([_residual(stage, _with_states(stage, lane, counted)) for lane in lanes])
+    colours = autoregression(left, stage.mask, lanes[0].colour.size)
+    for lane, colour in zip(lanes, colours, strict=True):
+        lane.colour = colour
+        _repaint(stage, lane, counted)
 
 
-def _with_states(stage: Stage, lane: _Lane, counted: np.ndarray):
-    whitened = whiten(_residual(stage, lane.y)[None], lane.colour[None])[0]
-    starts = _start_of(stage, lane, counted, whitened)
-    y = lane.y + starts @ lane.states.T
-    return y, _residual(stage, y)
+def _repaint(stage: Stage, lane: _Lane, counted: np.ndarray) -> None:
+    """Whiten all of a lane by its colour."""
+    lane.white_states = whiten(lane.states.T[None], lane.colour[None])[0]
+    lane.white_error = _white(_residual(stage, lane.y), lane, counted)
+    if lane.slopes is not None:
+        lane.white_slopes = _white(lane.slopes, lane, counted)
+
+
+def _with_states(stage: Stage, lane: _Lane, counted: np.ndarray) -> Float[np.ndarray, "R N"]:
+    """A lane's response with the free response of the states at the starts that fit best."""
+    prior = _prior(stage, lane, counted) * np.eye(len(lane.white_states))
+    y = lane.y.copy()
+    for r, use in enumerate(counted):
+        f = lane.white_states * use
+        y[r] += lane.states @ np.linalg.solve(f @ f.T + prior, f @ lane.white_error[r])
+    return y
 
 
 def _inverse(normal: np.ndarray) -> np.ndarray:
@@ -275,22 +353,37 @@ def _inverse(normal: np.ndarray) -> np.ndarray:
 def _finish(stage: Stage, lanes: list[_Lane], counted: np.ndarray) -> list[Refit]:
     found = []
     n = int(counted.sum())
-    slopes = sensitivities(stage, [lane.hypothesis for lane in lanes], [lane.y for lane in lanes])
-    for lane, J in zip(lanes, slopes, strict=True):
-        normal = _project(stage, lane, counted, [lane.y], np.where(stage.mask, J, 0.0))[1]
-        y, e = _with_states(stage, lane, counted)
-        innovations = whiten(e[None], lane.colour[None])[0][counted]
-        variance = float(np.mean(innovations**2))
+    _differ(stage, [lane for lane in lanes if lane.slopes is None], counted)
+    for lane in lanes:
+        assert lane.white_slopes is not None
+        y = _with_states(stage, lane, counted)
+        innovations = _white(_residual(stage, y), lane, counted)
+        variance = max(float(np.sum(innovations**2)) / n, 1e-300)
+        loglik = -0.5 * n * float(np.log(variance))
+        covariance = _inverse(_project(stage, lane, counted, lane.white_slopes)) * variance
         found.append(
             Refit(
-                lane.hypothesis,
-                -0.5 * n * float(np.log(max(variance, 1e-300))),
-                y,
-                lane.y,
-                lane.states,
-                lane.colour,
-                variance,
-                _inverse(normal) * variance,
+                lane.hypothesis, loglik, y, lane.y, lane.states, lane.colour, variance, covariance
             )
         )
+    return found
+
+
+def completed(stage: Stage, fits: Sequence[Refit]) -> list[Refit]:
+    """Fits to the runs of a stage in which something counts, with the responses of all its runs,
+    and the covariances from differences at the optimum."""
+    thetas = np.stack([f.hypothesis.theta for f in fits])
+    counted = usable(stage)
+    used = stage.mask.any(axis=1)
+    simulated = _bounded(stage, stage.simulate(thetas))
+    slopes = sensitivities(stage, [f.hypothesis for f in fits], list(simulated))
+    found = []
+    for f, y, J in zip(fits, simulated, slopes, strict=True):
+        free = f.hypothesis.free(stage)
+        lane = _Lane(f.hypothesis, free, y, f.states, f.colour)
+        _repaint(stage, lane, counted)
+        normal = _project(stage, lane, counted, _white(np.where(stage.mask, J, 0.0), lane, counted))
+        whole = y.copy()
+        whole[used] = f.y
+        found.append(replace(f, y=whole, simulated=y, covariance=_inverse(normal) * f.variance))
     return found

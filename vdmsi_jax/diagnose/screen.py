@@ -1,8 +1,8 @@
 """The screen: which causes could explain what a hypothesis leaves, all of them in one batch.
 
-Every cause is tried at finite values (saturation and limits of rates have no derivative at "off"), what
-the hypothesis itself could absorb is projected out, and the colour of the noise is estimated anew for
-each. The answer ranks candidates; only refits decide.
+Every cause is tried at finite values (saturation and limits of rates have no derivative at "off"),
+what the hypothesis itself could absorb is projected out, and the colour of the noise is estimated
+anew for each. The answer ranks candidates; only refits decide.
 """
 
 from dataclasses import dataclass
@@ -10,11 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from .colour import autoregression, whiten
+from .colour import predicted, spectrum, whiten
 from .refit import Refit, sensitivities, usable
 from .stage import Stage
 
 _LARGEST = 3.0  # a probe may be scaled by so much when its size is estimated
+_TOGETHER = 32  # directions that are judged at once
 _PEAKS = 3  # of the residual's spectrum that are tried as periodic disturbances
 
 
@@ -50,59 +51,75 @@ def screen(stage: Stage, at: Refit) -> list[Candidate]:
             numbers.append(number)
             thetas.append(theta)
     y = stage.simulate(np.stack(thetas))
-    J = sensitivities(stage, [at.hypothesis], [at.simulated])[0]
-    gains, sizes = _explained(stage, at, y - at.simulated, J)
+    ground = _Ground(stage, at)
+    gains = ground.explained(y - at.simulated)
     best: dict[int, Candidate] = {}
-    for number, theta, gain, size in zip(numbers, thetas, gains, sizes, strict=True):
+    for number, theta, gain in zip(numbers, thetas, gains, strict=True):
         if number not in best or gain > best[number].gain:
             best[number] = Candidate(number, float(gain), theta)
     stepped = [n for n in best if stage.slots[n].cause == "quantization"]
     for n in stepped:
-        best[n] = _finer(stage, at, best[n], J)
+        best[n] = _finer(stage, ground, best[n])
     return sorted(best.values(), key=lambda c: -c.gain)
 
 
-def _finer(stage: Stage, at: Refit, found: Candidate, J: np.ndarray) -> Candidate:
-    """The same cause on a grid about its best step: its likelihood is ragged, and no refit finds its
-    way."""
+def _finer(stage: Stage, ground: "_Ground", found: Candidate) -> Candidate:
+    """The same cause on a grid about its best step: its likelihood is ragged, and no refit finds
+    its way."""
     i = stage.slots[found.number].index[0]
     for width in (0.06, 0.006):
         thetas = np.repeat(found.theta[None], 32, axis=0)
         thetas[:, i] *= np.linspace(1.0 - width, 1.0 + width, 32)
-        gains, _ = _explained(stage, at, stage.simulate(thetas) - at.simulated, J, fixed=True)
+        gains = ground.explained(stage.simulate(thetas) - ground.at.simulated, fixed=True)
         k = int(np.argmax(gains))
         if gains[k] > found.gain:
             found = Candidate(found.number, float(gains[k]), thetas[k])
     return found
 
 
-def _explained(
-    stage: Stage, at: Refit, directions: np.ndarray, J: np.ndarray, fixed: bool = False
-) -> tuple[np.ndarray, np.ndarray]:
-    """Gain of twice the log-likelihood by each direction, and the size at which it is reached."""
-    order = at.colour.size
-    counted = usable(stage)
-    e = np.where(stage.mask, stage.y - at.y, 0.0)
-    directions = np.where(np.isfinite(directions) & stage.mask, directions, 0.0)
-    nuisance = _nuisance(stage, at, J)
-    colour = at.colour[None]
-    eW = whiten(e[None], colour)[0][counted]
-    dW = whiten(directions[None], colour)[0][:, counted]
-    nW = whiten(nuisance[None], colour)[0][:, counted]
-    Q, R = np.linalg.qr(nW.T)
-    away = dW - (dW @ Q) @ Q.T
-    rest = eW - Q @ (Q.T @ eW)
-    energy = np.einsum("ls,ls->l", away, away)
-    size = np.clip(away @ rest / np.maximum(energy, 1e-300), 0.0, _LARGEST)
-    size = np.ones_like(size) if fixed else size
-    shares = np.linalg.lstsq(R, Q.T @ (eW[:, None] - dW.T * size), rcond=1e-10)[0]
-    left = e - size[:, None, None] * directions - np.tensordot(shares.T, nuisance, axes=1)
-    left = np.where(stage.mask, left, 0.0)
-    own = autoregression(left, stage.mask, order)
-    variance = np.mean(whiten(left, own)[:, counted] ** 2, axis=1)
-    n = counted.sum()
-    gain = n * np.log(at.variance / np.maximum(variance, 1e-300))
-    return np.where(energy > 1e-12 * np.mean(eW**2) * n, gain, 0.0), size
+class _Ground:
+    """What a hypothesis leaves and what it could absorb, to judge directions against."""
+
+    def __init__(self, stage: Stage, at: Refit):
+        self.stage, self.at = stage, at
+        self.counted = usable(stage)
+        J = sensitivities(stage, [at.hypothesis], [at.simulated])[0]
+        nuisance = _nuisance(stage, at, J)
+        e = np.where(stage.mask, stage.y - at.y, 0.0)
+        self.Q, self.R = np.linalg.qr(self._white(nuisance).T)
+        self.error = self._white(e[None])[0]
+        self.absorbed = self.error @ self.Q
+        self.spectra = np.concatenate([spectrum(e[None]), spectrum(nuisance)])
+        self.flat = self.spectra.reshape(len(self.spectra), -1).view(float)
+        self.variance = self._innovations(self.spectra[:1])[0]
+
+    def explained(self, directions: Float[np.ndarray, "L R N"], fixed: bool = False) -> np.ndarray:
+        """Gain of twice the log-likelihood by each direction, at its best size unless fixed."""
+        parts = range(0, len(directions), _TOGETHER)
+        return np.concatenate([self._part(directions[i : i + _TOGETHER], fixed) for i in parts])
+
+    def _part(self, directions: np.ndarray, fixed: bool) -> np.ndarray:
+        directions = np.where(np.isfinite(directions) & self.stage.mask, directions, 0.0)
+        white = self._white(directions)
+        shared = white @ self.Q
+        energy = np.sum(white**2, axis=1) - np.sum(shared**2, axis=1)
+        pull = white @ self.error - shared @ self.absorbed
+        size = np.clip(pull / np.maximum(energy, 1e-300), 0.0, _LARGEST)
+        size = np.ones_like(size) if fixed else size
+        wanted = self.absorbed[:, None] - shared.T * size
+        shares = np.linalg.lstsq(self.R, wanted, rcond=1e-10)[0].T
+        taken = np.concatenate([np.ones((len(size), 1)), -shares], axis=1)
+        left = (taken @ self.flat).view(complex).reshape(len(size), *self.spectra.shape[1:])
+        left -= size[:, None, None] * spectrum(directions)
+        gain = self.counted.sum() * np.log(self.variance / self._innovations(left))
+        return np.where(energy > 1e-12 * float(self.error @ self.error), gain, 0.0)
+
+    def _white(self, x: Float[np.ndarray, "L R N"]) -> Float[np.ndarray, "L S"]:
+        return (whiten(x[None], self.at.colour[None])[0] * self.counted).reshape(len(x), -1)
+
+    def _innovations(self, spectra: np.ndarray) -> np.ndarray:
+        """Sums of squares after each one's own whitening."""
+        return np.maximum(predicted(spectra, self.at.colour.size)[1], 1e-300)
 
 
 def _nuisance(stage: Stage, at: Refit, J: np.ndarray) -> Float[np.ndarray, "q R N"]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .refit import Hypothesis, Refit, refit
+from .refit import Hypothesis, Refit, completed, refit
 from .screen import Candidate, screen
 from .stage import LEAD, POLES, Stage
 
@@ -18,13 +18,14 @@ ORDER_COST = 10.0  # of each coefficient of the plant, in twice the log-likeliho
 CAUSE_COST = 20.0  # of a cause, beside
 PARAMETER_COST = 8.0  # of each of its parameters
 MARGIN = 7.5
-"""Two explanations whose log-likelihoods differ by less than half of this are not told apart: with it
-the truth stands in the set in 99.7 % of cases."""
+"""Two explanations whose log-likelihoods differ by less than half of this are not told apart: with
+it the truth stands in the set in 99.7 % of cases."""
 
 _REFITTED = 10  # candidates of a screen that are refitted
 _FROM_SMALLER = 4  # candidates of the screens of smaller plants that are refitted
 _SMALL = ((1, 0), (2, 0), (2, 1), (3, 1))
 _MOST_CAUSES = 4
+_REACH = 60.0  # that a candidate may lie behind the best after a few steps
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +36,8 @@ class Finding:
         number: of the effect in its stage.
         gain: twice the log-likelihood that it is worth in the final model.
         less: the final model without it, refitted.
-        others: numbers of the effects that were tried in its place, with what they lack in twice the
-            log-likelihood; those within `MARGIN` explain the data as well.
+        others: numbers of the effects that were tried in its place, with what they lack in twice
+            the log-likelihood; those within `MARGIN` explain the data as well.
         promised: what the screen had predicted for it.
     """
 
@@ -87,6 +88,11 @@ def score(stage: Stage, fit: Refit) -> float:
 
 def search(stage: Stage) -> Search:
     """Find the causes that a stage's data support."""
+    whole, stage = stage, stage.fitting
+
+    def worth(h: Hypothesis, loglik: float) -> float:
+        return 2.0 * loglik - price(stage, h)
+
     grid = baselines(stage)
     plain = max(grid.values(), key=lambda f: score(stage, f))
     now = plain
@@ -101,11 +107,14 @@ def search(stage: Stage) -> Search:
         if now.hypothesis.active:
             starts += _promising(stage, list(nested(stage, now.hypothesis)), 1)
         if now is plain:  # a cause may make a smaller plant enough
-            starts += [h for o in _SMALL if sum(o) < sum(_order(plain.hypothesis)) for h in _late(stage, plain, o)]
+            coefficients = sum(_order(plain.hypothesis))
+            orders = [o for o in _SMALL if sum(o) < coefficients]
+            starts += [h for order in orders for h in _late(stage, plain, order)]
             for smaller in _smaller(grid, plain):
                 own = screen(stage, smaller)[:_FROM_SMALLER]
                 starts += [_with(smaller.hypothesis, c) for c in own]
-        fits = _best_of_each(refit(stage, starts))
+        most = max((c.gain for c in promising), default=0.0)
+        fits = _best_of_each(refit(stage, starts, worth=worth, reach=max(_REACH, 0.5 * most)))
         if not fits:
             break
         seen |= {_key(f.hypothesis): f for f in fits}
@@ -122,7 +131,10 @@ def search(stage: Stage) -> Search:
         baseline = plain
     if not findings:
         now = plain
-    return Search(stage, plain, baseline, now, findings, tuple(screened))
+    kept = [plain, baseline, now, *(f.less for f in findings)]
+    plain, baseline, now, *less = completed(whole, kept)
+    findings = tuple(replace(f, less=k) for f, k in zip(findings, less, strict=True))
+    return Search(whole, plain, baseline, now, findings, tuple(screened))
 
 
 def baselines(stage: Stage) -> dict[tuple[int, int], Refit]:
@@ -133,15 +145,17 @@ def baselines(stage: Stage) -> dict[tuple[int, int], Refit]:
         wanted = [order for order in ORDERS if order[0] == poles]
         starts = []
         for order in wanted:
-            below = [f for key, f in grid.items() if key[0] == poles - 1]
-            starts += [h for f in below for h in nested(stage, f.hypothesis) if _order(h) == order]
+            simpler = [f.hypothesis for key, f in grid.items() if key[0] == poles - 1]
+            starts += [h for less in simpler for h in nested(stage, less) if _order(h) == order]
         fits = _best_of_each(refit(stage, _promising(stage, starts)))
         grid |= {_order(f.hypothesis): f for f in fits}
         for order in wanted:  # a zero more, from the same number of poles
             if (poles, order[1] - 1) in grid:
-                more = [h for h in nested(stage, grid[poles, order[1] - 1].hypothesis) if _order(h) == order]
-                again = _best_of_each([*refit(stage, _promising(stage, more)), *([grid[order]] if order in grid else [])])
-                grid |= {order: f for f in again}
+                below = grid[poles, order[1] - 1].hypothesis
+                more = [h for h in nested(stage, below) if _order(h) == order]
+                known = [grid[order]] if order in grid else []
+                again = _best_of_each([*refit(stage, _promising(stage, more)), *known])
+                grid |= {_order(f.hypothesis): f for f in again}
         best = max(grid.values(), key=lambda f: score(stage, f))
         if best.hypothesis.poles < poles:
             break

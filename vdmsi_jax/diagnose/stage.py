@@ -6,8 +6,8 @@ of up to four poles whose missing coefficients are zero, so every order and ever
 the same program.
 """
 
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import equinox as eqx
 import jax
@@ -16,12 +16,13 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ..effects import AbstractEffect, Scales, Signals
-from ..models.extended_plant import observer, respond
+from ..models.extended_plant import observer, respond, steps_of
+from ..models.state_space import StateSpace
 from ..parameters import Parameter, parameters
 
 POLES = 4
 LEAD = 2 * POLES  # where the lead of forces stands in a vector
-_LANES = (16, 64)  # lanes of a compiled program
+_LANES = 16  # of a compiled program
 
 
 @dataclass(frozen=True)
@@ -128,46 +129,71 @@ class Stage:
                 size[list(slot.index)] = typical
         periodic = [s for s in self.slots if s.cause == "periodic_disturbance"]
         for slot in periodic:
-            size[list(slot.index)] = [1.0 / self.scales.duration, self.scales.noise, self.scales.noise]
+            noise = self.scales.noise
+            size[list(slot.index)] = [1.0 / self.scales.duration, noise, noise]
         return size
 
+    def on(self, theta: Float[np.ndarray, "L P"]) -> Bool[np.ndarray, "L effects"]:
+        """Which causes are on in each of the vectors."""
+        differs = theta != self.off
+        starts = [slot.index[0] for slot in self.slots]
+        return np.logical_or.reduceat(differs, starts, axis=1)
+
     @cached_property
-    def _remembering(self) -> list[int]:
-        """Parameters of the effects that need sub-steps."""
-        return [i for slot in self.slots if slot.effect.remembers for i in slot.index]
+    def _kinds(self) -> tuple[Bool[np.ndarray, " effects"], Bool[np.ndarray, " effects"]]:
+        """Which causes need sub-steps, and which are forces."""
+        remembers = [slot.effect.remembers for slot in self.slots]
+        return np.array(remembers), np.array([slot.forces for slot in self.slots])
+
+    @cached_property
+    def fitting(self) -> "Stage":
+        """The runs of which something counts in a fit."""
+        used = self.mask.any(axis=1)
+        if used.all():
+            return self
+        signals = self.signals
+        rows = [getattr(signals, name)[used] for name in ("t", "v", "other", "distance")]
+        signals = Signals(*rows, signals.slowness, signals.lead, signals.h, signals.substeps)
+        parts = {name: getattr(self, name)[used] for name in ("u", "y", "mask", "held_out")}
+        return replace(self, signals=signals, **parts)
 
     def simulate(self, theta: Float[np.ndarray, "L P"]) -> Float[np.ndarray, "L R N"]:
         """The response of each of the vectors to the commands of all runs.
 
         A linear plant answers a held command exactly from row to row, so only lanes in which an
-        effect has memory take sub-steps.
+        effect has memory take sub-steps. Lanes with the same causes run side by side, since the
+        work of causes that none of them has is left out.
         """
-        fine = np.any(theta[:, self._remembering] != self.off[self._remembering], axis=1)
+        on = self.on(theta)
+        remembers, forces = self._kinds
+        fine = np.any(on & remembers, axis=1) & (self.signals.substeps > 1)
+        numbers = np.where(on.any(axis=1), on.argmax(axis=1), -1)
+        sequence = np.lexsort((numbers, np.any(on & forces, axis=1), fine))
         y = np.empty((len(theta), *self.u.shape))
         for stepped in (False, True):
-            lanes = np.flatnonzero(fine == stepped)
-            if lanes.size:
-                y[lanes] = self._simulate(theta[lanes], stepped)
+            lanes = sequence[fine[sequence] == stepped]
+            for part in np.split(lanes, range(_LANES, len(lanes), _LANES)):
+                if part.size:
+                    y[part] = self._simulate(theta[part], on[part].any(axis=0), stepped)
         return y
 
-    def _simulate(self, theta: np.ndarray, stepped: bool) -> np.ndarray:
-        signals = self.signals
-        if not stepped:
-            signals = eqx.tree_at(lambda s: s.h, signals, jnp.asarray(self.dt, float))
-            signals = Signals(*(getattr(signals, n) for n in _SIGNALS), substeps=1)
-        done, out = 0, []
-        while done < len(theta):
-            left = len(theta) - done
-            lanes = _LANES[0] if left <= _LANES[0] else _LANES[1]
-            part = theta[done : done + lanes]
-            padded = np.concatenate([part, np.repeat(part[:1], lanes - len(part), axis=0)])
-            y = _simulate(Unravel(self.effects), padded, self.u, signals, self.pace, stepped)
-            out.append(np.asarray(y)[: len(part)])
-            done += len(part)
-        return np.concatenate(out)
+    def _simulate(self, theta: np.ndarray, on: np.ndarray, stepped: bool) -> np.ndarray:
+        tree, leaves, h = self._parts[stepped]
+        padded = np.concatenate([theta, np.repeat(theta[:1], _LANES - len(theta), axis=0)])
+        y = _simulate(tree, leaves, _plants(padded, self.pace, h), padded, on, self.u)
+        return np.asarray(y)[: len(theta)]
 
-
-_SIGNALS = ("t", "v", "other", "distance", "slowness", "lead", "h")
+    @cached_property
+    def _parts(self) -> tuple:
+        """Effects and signals, from row to row and at sub-steps, flat: to take modules apart at
+        each call would cost more than a small simulation."""
+        by_rows = eqx.tree_at(lambda s: s.h, self.signals, jnp.asarray(self.dt, float))
+        by_rows = replace(by_rows, substeps=1)
+        parts = []
+        for signals in (by_rows, self.signals):
+            leaves, tree = jax.tree.flatten((Unravel(self.effects), signals))
+            parts.append((tree, leaves, signals.h))
+        return tuple(parts)
 
 
 class Unravel(eqx.Module):
@@ -188,15 +214,28 @@ class Unravel(eqx.Module):
         return tuple(made)
 
 
-@eqx.filter_jit
-def _simulate(unravel: Unravel, theta, u, signals: Signals, pace, stepped: bool):
-    def one(vector, u, signals):
-        a, b, own = vector[:POLES], vector[POLES : 2 * POLES], vector[LEAD + 1 :]
-        system, rest, slowness = observer(a, b, pace)
+@jax.jit
+def _plants(theta, pace, h):
+    """The plants of many vectors: system, state at rest, slowness, and steps over `h` seconds."""
+
+    def one(vector):
+        system, rest, slowness = observer(vector[:POLES], vector[POLES : 2 * POLES], pace)
+        steps = steps_of(system, vector[LEAD], h)
+        return (system.A, system.B, system.C, system.D), rest, slowness, steps
+
+    return jax.vmap(one)(theta)
+
+
+@partial(jax.jit, static_argnums=0)
+def _simulate(tree, leaves, plants, theta, on, u):
+    unravel, signals = jax.tree.unflatten(tree, leaves)
+
+    def one(plant, vector, u, signals):
+        matrices, rest, slowness, steps = plant
         told = eqx.tree_at(lambda s: (s.slowness, s.lead), signals, (slowness, vector[LEAD]))
-        effects = tuple(e for e in unravel(own) if stepped or not e.remembers)
-        return respond(system, rest, effects, u, told)
+        effects = unravel(vector[LEAD + 1 :])
+        return respond(StateSpace(*matrices), rest, effects, u, told, on, steps)
 
     per_run = Signals(0, 0, 0, 0, None, None, None, signals.substeps)  # axes to map over
-    over_runs = jax.vmap(one, in_axes=(None, 0, per_run))
-    return jax.vmap(over_runs, in_axes=(0, None, None))(jnp.asarray(theta), jnp.asarray(u), signals)
+    over_runs = jax.vmap(one, in_axes=(None, None, 0, per_run))
+    return jax.vmap(over_runs, in_axes=(0, 0, None, None))(plants, theta, u, signals)

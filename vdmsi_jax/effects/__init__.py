@@ -1,6 +1,7 @@
 """The causes that the project knows: one file each, one line of the registry each."""
 
 from vdmsi_jax.effects.backlash import Backlash
+from vdmsi_jax.effects.bank import Bank
 from vdmsi_jax.effects.base import AbstractEffect as AbstractEffect
 from vdmsi_jax.effects.base import Effort as Effort
 from vdmsi_jax.effects.base import Scales as Scales
@@ -12,6 +13,8 @@ from vdmsi_jax.effects.drag import Drag
 from vdmsi_jax.effects.gain_asymmetry import GainAsymmetry
 from vdmsi_jax.effects.gain_drift import GainDrift
 from vdmsi_jax.effects.gain_nonlinearity import GainNonlinearity
+from vdmsi_jax.effects.geometry_scale import GeometryScale
+from vdmsi_jax.effects.misalignment import Misalignment
 from vdmsi_jax.effects.offset import Offset
 from vdmsi_jax.effects.periodic_disturbance import PeriodicDisturbance
 from vdmsi_jax.effects.quantization import Quantization
@@ -22,14 +25,11 @@ from vdmsi_jax.effects.road_grade import RoadGrade
 from vdmsi_jax.effects.saturation import Saturation
 from vdmsi_jax.effects.sensor import SensorBias, SensorDelay, SensorLag
 from vdmsi_jax.effects.speed_dependent_gain import SpeedDependentGain
-from vdmsi_jax.effects.transport_delay import TransportDelay
-
-from vdmsi_jax.effects.bank import Bank
-from vdmsi_jax.effects.geometry_scale import GeometryScale
-from vdmsi_jax.effects.misalignment import Misalignment
 from vdmsi_jax.effects.speed_scale import SpeedScale
+from vdmsi_jax.effects.transport_delay import TransportDelay
 from vdmsi_jax.effects.tyre_relaxation import TyreRelaxation
 from vdmsi_jax.effects.understeer import Understeer
+
 ACTUATOR: tuple[AbstractEffect, ...] = (
     GainNonlinearity(),
     SpeedDependentGain(),

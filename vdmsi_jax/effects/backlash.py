@@ -27,7 +27,10 @@ class Backlash(AbstractEffect):
         half = 0.5 * self.gap
 
         def follow(rest: Array, y: Array) -> tuple[Array, Array]:
-            rest = jnp.minimum(jnp.maximum(rest, y - half), y + half)
+            # each side by itself: without play both bounds coincide, and have no derivative there
+            stays = jnp.where(half > 0.0, rest, y)
+            down = jnp.where(y < rest, jnp.minimum(rest, y + half), stays)
+            rest = jnp.where(y > rest, jnp.maximum(rest, y - half), down)
             return rest, rest
 
         return lax.scan(follow, y[0], y)[1]

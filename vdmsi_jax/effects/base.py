@@ -17,11 +17,12 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 
 class Signals(eqx.Module):
-    """What an effect may look at beside the signal of its port; a row each.
+    """What an effect may look at beside the signal of its port; a row each. A stage holds those of
+    several runs, and maps over them.
 
     Attributes:
         t: time since the start of the run, s.
@@ -36,10 +37,10 @@ class Signals(eqx.Module):
         substeps: sub-steps a row.
     """
 
-    t: Float[Array, " N"]
-    v: Float[Array, " N"]
-    other: Float[Array, " N"]
-    distance: Float[Array, " N"]
+    t: Float[Array, "*runs N"]
+    v: Float[Array, "*runs N"]
+    other: Float[Array, "*runs N"]
+    distance: Float[Array, "*runs N"]
     slowness: Float[Array, ""]
     lead: Float[Array, ""]
     h: Float[Array, ""]
@@ -180,9 +181,10 @@ class AbstractEffect(eqx.Module):
         return kappa
 
     def relaxed(
-        self, kappa: Float[Array, " M"], v: Float[Array, " M"], h: Float[Array, ""]
+        self, kappa: Float[Array, " M"], v: Float[Array, " M"], h: Float[ArrayLike, "..."]
     ) -> Float[Array, " M"]:
-        """Curvature at instants `h` seconds apart, with a memory of the way."""
+        """Curvature at instants that follow each other by `h` seconds (one number, or one for each
+        instant: the time since the one before), with a memory of the way."""
         return kappa
 
 
@@ -200,17 +202,18 @@ def late(y: Float[Array, " M"], steps: Float[Array, ""]) -> Float[Array, " M"]:
     return now + rest * (before - now)
 
 
-def first_order(y: Float[Array, " M"], steps: Float[Array, " M"]) -> Float[Array, " M"]:
+def lag(y: Float[Array, " M"], spans: Float[Array, " M"]) -> Float[Array, " M"]:
     """A first-order lag of `y`, exact where `y` is linear between samples.
 
     Args:
         y: the input; the first value stands before it.
-        steps: from each sample's predecessor to it, in time constants; where it is beyond 1e6 the
-            output is exactly the input.
+        spans: time constant over the time from each sample's predecessor to it. Exactly `y` where
+            it is zero, with the derivative that a small lag has.
     """
-    keep = jnp.exp(-steps)
-    mean = -jnp.expm1(-steps) / steps  # of the exponential over the step
-    mean = jnp.where(steps > 1e6, 0.0, mean)
+    smears = spans > 1e-3  # below that nothing is left of exp(-1 / span)
+    steps = 1.0 / jnp.where(smears, spans, 1.0)
+    keep = jnp.where(smears, jnp.exp(-steps), 0.0)
+    mean = jnp.where(smears, -jnp.expm1(-steps), 1.0) * spans  # of the exponential over the step
 
     def follow(before: tuple[Array, Array], now: tuple[Array, ...]) -> tuple[tuple, Array]:
         old, last = before
@@ -219,3 +222,14 @@ def first_order(y: Float[Array, " M"], steps: Float[Array, " M"]) -> Float[Array
         return (new, y), new
 
     return lax.scan(follow, (y[0], y[0]), (y, keep, mean))[1]
+
+
+def first_order(y: Float[Array, " M"], steps: Float[Array, " M"]) -> Float[Array, " M"]:
+    """`lag` by the inverse of its `spans`; where it is beyond 1e5 the output is the input."""
+    return lag(y, jnp.where(steps > 1e5, 0.0, 1.0 / steps))
+
+
+def within(x: Float[Array, "*n"], size: Float[Array, "*#n"]) -> Float[Array, "*n"]:
+    """`x`, cut to plus or minus `size`. Unlike `clip`, whose bounds coincide at size zero, it has
+    the right derivatives there: the sign of `x` to the size, and none to `x`."""
+    return jnp.where(jnp.abs(x) < size, x, jnp.sign(x) * size)

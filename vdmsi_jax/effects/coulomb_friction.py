@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from vdmsi_jax.effects.base import AbstractEffect, Effort, Scales
+from vdmsi_jax.effects.base import AbstractEffect, Effort, Scales, within
 from vdmsi_jax.parameters import parameter
 
 
@@ -49,4 +49,4 @@ class CoulombFriction(AbstractEffect):
             standing = jnp.where(jnp.abs(at.y) < self.rest, self.breakaway, 0.0)
             return (self.level + standing) * jnp.clip(at.y / self.rest, -1.0, 1.0)
         level = self.level + self.breakaway * at.stuck
-        return jnp.clip(at.rate / at.gain, -level, level)
+        return within(at.rate / at.gain, level)

@@ -2,10 +2,9 @@
 
 from typing import ClassVar
 
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from vdmsi_jax.effects.base import AbstractEffect, Scales, Signals
+from vdmsi_jax.effects.base import AbstractEffect, Scales, Signals, within
 from vdmsi_jax.parameters import parameter
 
 
@@ -23,4 +22,4 @@ class DeadZone(AbstractEffect):
         return [(k * largest,) for k in (0.02, 0.06, 0.15, 0.3)]
 
     def command(self, u: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
-        return u - jnp.clip(u, -self.half_width, self.half_width)
+        return u - within(u, self.half_width)

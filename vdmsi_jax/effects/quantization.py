@@ -1,4 +1,4 @@
-"""Quantisation: the response comes in steps."""
+"""Quantisation: the command acts in steps."""
 
 from typing import ClassVar
 

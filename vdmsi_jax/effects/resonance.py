@@ -17,8 +17,8 @@ class Resonance(AbstractEffect):
     cause: ClassVar[str] = "resonance"
     weight: ClassVar[float] = 4.0
 
-    frequency: Float[Array, ""] = parameter("Hz", "of the undamped mode", off=1.0, lower=1e-4)
-    damping: Float[Array, ""] = parameter("1", "ratio", off=0.1, lower=0.005, upper=0.7)
+    frequency: Float[Array, ""] = parameter("Hz", "of the undamped mode", off=1.0, lower=0.0)
+    damping: Float[Array, ""] = parameter("1", "damping ratio", off=0.1, lower=0.005, upper=0.7)
     share: Float[Array, ""] = parameter("1", "weight of the mode", lower=-2.0, upper=3.0)
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:

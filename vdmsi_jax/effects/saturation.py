@@ -13,7 +13,7 @@ from vdmsi_jax.parameters import parameter
 class Saturation(AbstractEffect):
     """Limits on the command, or on the response behind the dynamics (a stop).
 
-    Fitted as inverse limits about `middle`, since a limit that is off is infinite.
+    Fitted as inverse limits, since a limit that is off is infinite.
 
     Attributes:
         at: which signal is limited.

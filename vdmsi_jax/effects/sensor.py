@@ -5,7 +5,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from vdmsi_jax.effects.base import AbstractEffect, Scales, Signals, first_order, late
+from vdmsi_jax.effects.base import AbstractEffect, Scales, Signals, lag, late
 from vdmsi_jax.parameters import parameter
 
 
@@ -14,7 +14,7 @@ class SensorDelay(AbstractEffect):
 
     cause: ClassVar[str] = "sensor_delay"
 
-    delay: Float[Array, ""] = parameter("s", "age of the measurement", upper=20.0)
+    delay: Float[Array, ""] = parameter("s", "age of the measurement")
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
         return [(k * scales.dt,) for k in (-3, 1, 3, 8)]
@@ -48,5 +48,4 @@ class SensorLag(AbstractEffect):
         return [(k * scales.dt,) for k in (0.5, 2, 8)]
 
     def sensor(self, y: Float[Array, " M"], signals: Signals) -> Float[Array, " M"]:
-        steps = jnp.broadcast_to(signals.h / jnp.maximum(self.time_constant, 1e-9), y.shape)
-        return first_order(y, steps)
+        return lag(y, jnp.broadcast_to(self.time_constant / signals.h, y.shape))

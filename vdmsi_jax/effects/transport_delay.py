@@ -14,7 +14,7 @@ class TransportDelay(AbstractEffect):
 
     cause: ClassVar[str] = "transport_delay"
 
-    delay: Float[Array, ""] = parameter("s", "time from the command to its effect", upper=20.0)
+    delay: Float[Array, ""] = parameter("s", "time from the command to its effect")
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
         slow = max(scales.time_constant, scales.dt)

@@ -3,9 +3,9 @@
 from typing import ClassVar
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
-from vdmsi_jax.effects.base import AbstractEffect, Scales, first_order
+from vdmsi_jax.effects.base import AbstractEffect, Scales, lag
 from vdmsi_jax.parameters import parameter
 
 
@@ -23,7 +23,7 @@ class TyreRelaxation(AbstractEffect):
         return [(0.3,), (1.0,)]
 
     def relaxed(
-        self, kappa: Float[Array, " M"], v: Float[Array, " M"], h: Float[Array, ""]
+        self, kappa: Float[Array, " M"], v: Float[Array, " M"], h: Float[ArrayLike, "..."]
     ) -> Float[Array, " M"]:
         way = jnp.maximum(jnp.abs(v) * h, 1e-6)
-        return first_order(kappa, way / jnp.maximum(self.length, 1e-13))
+        return lag(kappa, self.length / way)

@@ -16,12 +16,14 @@ class Commands(eqx.Module):
         delta_cmd: steering command, road-wheel angle, rad.
         dt: sample period, s.
         t0: time of the first row, s.
+        since: time of the first row since the run began, s, for what changes as a run goes on.
     """
 
     v_cmd: Float[Array, "*batch N"] = eqx.field(converter=jnp.asarray)
     delta_cmd: Float[Array, "*batch N"] = eqx.field(converter=jnp.asarray)
     dt: Float[Array, ""] = eqx.field(converter=jnp.asarray)
     t0: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.0)
+    since: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.0)
 
     def __check_init__(self):
         if self.v_cmd.shape != self.delta_cmd.shape or self.v_cmd.shape[-1] < 2:

@@ -1,13 +1,174 @@
 """A plant with causes in it: a transfer function and a tuple of effects at its ports."""
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
-from vdmsi_jax.effects.base import AbstractEffect, Effort, Signals
+from vdmsi_jax.effects.base import AbstractEffect, Effort, Signals, late
+from vdmsi_jax.models.linear_plant import LinearPlant
+from vdmsi_jax.models.plant import AbstractPlant, AbstractTrace, PlantResponse
 from vdmsi_jax.models.state_space import StateSpace
+from vdmsi_jax.models.transfer_function import TransferFunction
+
+
+class ExtendedTrace(AbstractTrace):
+    """A response known at sub-steps, and linear between them."""
+
+    y: Float[Array, " M"]  # at the sub-steps of all rows and at the end of the last
+    h: Float[Array, ""]
+    substeps: int = eqx.field(static=True)
+
+    def rows(self) -> PlantResponse:
+        """The response at the rows; its rate is the mean over the first sub-step."""
+        now, then = self._pieces()
+        return PlantResponse(now[:, 0], (then - now)[:, 0] / self.h, self.y[-1:])
+
+    def at(self, tau: Float[Array, " J"]) -> Float[Array, "N J"]:
+        """Response `tau` seconds after each row, `0 <= tau < dt`."""
+        now, then = self._pieces()
+        steps = tau / self.h
+        whole = jnp.clip(jnp.floor(steps).astype(int), 0, self.substeps - 1)
+        before = now[:, whole]
+        return before + (steps - whole) * (then[:, whole] - before)
+
+    def travelled(self) -> Float[Array, " N"]:
+        """Integral of the response over the sample that follows each row."""
+        now, then = self._pieces()
+        return 0.5 * self.h * jnp.sum(now + then, axis=1)
+
+    def _pieces(self) -> tuple[Float[Array, "N s"], Float[Array, "N s"]]:
+        """The response at both ends of each sub-step."""
+        return self.y[:-1].reshape(-1, self.substeps), self.y[1:].reshape(-1, self.substeps)
+
+
+class ExtendedPlant(AbstractPlant):
+    """An actuator with what a linear one lacks: play, friction, limits, a road that rises.
+
+    Use it for a cause that a diagnosis found, or to try one out; without effects it is the transfer
+    function itself, only slower. It is not linear in general, so `simulate` takes it by
+    `Quadrature`. The port `sensor` of its effects plays no part: what a sensor adds does not move
+    the vehicle.
+
+    Attributes:
+        plant: the linear part. Its delay acts on the command before the effects at the port `held`,
+            exactly where it is a multiple of a sub-step; its offset acts last.
+        effects: in the order in which they act, that of `vdmsi_jax.effects.ACTUATOR`.
+        lead: see `Signals.lead`, s.
+        substeps: steps a row, for effects with memory.
+        told: what the other actuator and the speed do, a value each row; its `slowness`, `lead`,
+            `h` and `substeps` are not read, since they are the plant's own. `None` where there is
+            nothing to tell; the simulation of a vehicle tells its actuators by itself.
+    """
+
+    plant: TransferFunction
+    effects: tuple[AbstractEffect, ...] = eqx.field(converter=tuple)
+    lead: Float[Array, ""] = eqx.field(converter=lambda x: jnp.asarray(x, float), default=0.0)
+    substeps: int = eqx.field(static=True, default=4)
+    told: Signals | None = None
+
+    def __check_init__(self):
+        if self.substeps < 1:
+            raise ValueError(f"give at least one sub-step a row, not {self.substeps}")
+
+    def hearing(self, told: Signals | None) -> "ExtendedPlant":
+        """The same plant, told what goes on around it."""
+        return dataclasses.replace(self, told=told)
+
+    def trace(
+        self,
+        u: Float[ArrayLike, " N"],
+        dt: Float[ArrayLike, ""],
+        x0: Float[Array, "*n"] | None = None,
+    ) -> ExtendedTrace:
+        """The motion under the commands `u`, held for `dt` seconds each.
+
+        Args:
+            u: commands; before the record the command was `u[0]`.
+            dt: sample period, s.
+            x0: state of the linear part at the first row; `None` for a start at rest.
+
+        Raises:
+            ValueError: what the plant was told has another number of rows.
+        """
+        u, dt = jnp.asarray(u, float), jnp.asarray(dt, float)
+        linear, rows = self.plant.to_plant(), u.shape[0]
+        at_rest = linear.initial_state(jnp.ones(()), rows * dt)
+        signals = self._signals(rows, dt)
+        u = jnp.append(u, u[-1])  # one row more, where the last sample ends
+        held = _at_substeps(self.effects, u, signals)
+        if linear.delay is not None:
+            held = late(held, linear.delay / signals.h)
+        held = _through("held", self.effects, held, signals, None)
+        y = _moved(linear.system, at_rest, self.effects, held, signals, start=x0)
+        y = _through("output", self.effects, y, signals, None)
+        y = _through("measured", self.effects, y, _by_substeps(signals), None)
+        y = linear.shift(y)[: rows * self.substeps + 1]
+        return ExtendedTrace(y, signals.h, self.substeps)
+
+    def jump(self, dt: Float[ArrayLike, ""]) -> None:
+        """The response is read between sub-steps, which straddle a jump without telling."""
+        return None
+
+    def to_plant(self, order: int | None = None) -> LinearPlant:
+        """The linear part, where that is all. Raises ValueError if there are effects."""
+        if self.effects:
+            problem = "a plant with effects is not linear; simulate it with the method Quadrature()"
+            raise ValueError(problem)
+        return self.plant.to_plant(order)
+
+    def _signals(self, rows: int, dt: Array) -> Signals:
+        """What the effects look at, at the rows and one sample after the last."""
+        nothing = jnp.zeros(rows)
+        told = surroundings(nothing, nothing, dt) if self.told is None else self.told
+        if told.t.shape[0] != rows:
+            problem = f"the plant was told {told.t.shape[0]} rows and has {rows} commands"
+            raise ValueError(f"{problem}; give `hearing` one value for each command")
+        A, num, den = self.plant.to_plant().system.A, self.plant.num, self.plant.den
+        pace = A[0, 1] if den.shape[0] > 2 else jnp.ones(())  # of the observer form, 1/s
+        return Signals(
+            t=jnp.append(told.t, told.t[-1] + dt),
+            v=jnp.append(told.v, told.v[-1]),
+            other=jnp.append(told.other, told.other[-1]),
+            distance=jnp.append(told.distance, told.distance[-1] + abs(told.v[-1]) * dt),
+            slowness=den[-2] / jnp.where(num[-1] == 0.0, 1.0, num[-1]),
+            lead=self.lead * pace,
+            h=dt / self.substeps,
+            substeps=self.substeps,
+        )
+
+
+def surroundings(
+    v: Float[Array, " N"],
+    other: Float[Array, " N"],
+    dt: Float[ArrayLike, ""],
+    since: Float[ArrayLike, ""] = 0.0,
+) -> Signals:
+    """What an actuator of a vehicle is told.
+
+    Args:
+        v: speed at the rows, m/s.
+        other: command of the other actuator.
+        dt: sample period, s.
+        since: time of the first row since the run began, s.
+    """
+    dt = jnp.asarray(dt, float)
+    t = jnp.asarray(since, float) + dt * jnp.arange(v.shape[0])
+    way = jnp.concatenate([jnp.zeros(1), jnp.cumsum(jnp.abs(v[:-1])) * dt])
+    return Signals(t, v, other, way, jnp.ones(()), jnp.zeros(()), dt, 1)
+
+
+def _by_substeps(signals: Signals) -> Signals:
+    """The same signals at the sub-steps, each its own row: time goes on, the others are held."""
+    s = signals.substeps
+    within = signals.h * jnp.arange(s)
+    held = {name: jnp.repeat(getattr(signals, name), s) for name in ("v", "other", "distance")}
+    t = (signals.t[:, None] + within).reshape(-1)
+    return dataclasses.replace(signals, t=t, **held, substeps=1)
 
 
 def respond(
@@ -16,6 +177,8 @@ def respond(
     effects: tuple[AbstractEffect, ...],
     u: Float[Array, " N"],
     signals: Signals,
+    on: Bool[Array, " effects"] | None = None,
+    steps: tuple[Float[Array, "2 n n"], Float[Array, "2 n"]] | None = None,
 ) -> Float[Array, " N"]:
     """What is measured at the rows of a plant with effects, started at rest under its first
     command.
@@ -26,11 +189,12 @@ def respond(
         effects: in the order in which they act.
         u: commands at the rows.
         signals: what else the effects look at.
+        on: which effects may be on; the work of the others is left out when the program runs. All
+            where it is None.
+        steps: `steps_of` the system, where they are known.
     """
-    y = fine_response(system, rest, effects, u, signals)[:: signals.substeps]
-    for effect in effects:
-        y = effect.measured(y, signals)
-    return y
+    y = fine_response(system, rest, effects, u, signals, on, steps)[:: signals.substeps]
+    return _through("measured", effects, y, signals, on)
 
 
 def fine_response(
@@ -39,36 +203,105 @@ def fine_response(
     effects: tuple[AbstractEffect, ...],
     u: Float[Array, " N"],
     signals: Signals,
+    on: Bool[Array, " effects"] | None = None,
+    steps: tuple[Float[Array, "2 n n"], Float[Array, "2 n"]] | None = None,
 ) -> Float[Array, " M"]:
     """`respond` at the sub-steps, the rows among them."""
-    for effect in effects:
-        u = effect.command(u, signals)
-    held = jnp.repeat(u, signals.substeps, total_repeat_length=u.shape[0] * signals.substeps)
-    for effect in effects:
-        held = effect.held(held, signals)
-    y = _dynamics(system, rest, effects, held, signals)
-    for effect in effects:
-        y = effect.output(y, signals)
-    for effect in effects:
-        y = effect.sensor(y, signals)
-    return y
+    held = _through("held", effects, _at_substeps(effects, u, signals, on), signals, on)
+    y = _moved(system, rest, effects, held, signals, on, steps=steps)
+    y = _through("output", effects, y, signals, on)
+    return _through("sensor", effects, y, signals, on)
+
+
+def _at_substeps(
+    effects: tuple[AbstractEffect, ...],
+    u: Float[Array, " N"],
+    signals: Signals,
+    on: Bool[Array, " effects"] | None = None,
+) -> Float[Array, " M"]:
+    """The commands behind the effects at the rows, held."""
+    u = _through("command", effects, u, signals, on)
+    return jnp.repeat(u, signals.substeps, total_repeat_length=u.shape[0] * signals.substeps)
+
+
+def _moved(
+    system: StateSpace,
+    rest: Float[Array, " n"],
+    effects: tuple[AbstractEffect, ...],
+    held: Float[Array, " M"],
+    signals: Signals,
+    on: Bool[Array, " effects"] | None = None,
+    start: Float[Array, " n"] | None = None,
+    steps: tuple[Float[Array, "2 n n"], Float[Array, "2 n"]] | None = None,
+) -> Float[Array, " M"]:
+    """What the dynamics and the forces inside them make of the held command."""
+    inside = [i for i, e in enumerate(effects) if _acts(e, "effort")]
+    forces = tuple(effects[i] for i in inside)
+
+    if steps is None:
+        steps = steps_of(system, signals.lead, signals.h)
+
+    def moved(held: Array) -> Array:
+        return _dynamics(system, steps, rest, forces, held, signals, start)
+
+    def free(held: Array) -> Array:
+        return _dynamics(system, steps, rest, (), held, signals, start)
+
+    if on is None or not inside:
+        return moved(held)
+    return lax.cond(jnp.any(on[np.array(inside)]), moved, free, held)
+
+
+def steps_of(
+    system: StateSpace, lead: Float[Array, ""], h: Float[Array, ""]
+) -> tuple[Float[Array, "2 n n"], Float[Array, "2 n"]]:
+    """A system's steps over `h` seconds: for a command, and for a force that leads it."""
+    inputs = jnp.stack([system.B, _led(system.B, lead)])
+    step = jax.vmap(lambda B: StateSpace(system.A, B, system.C, system.D).discretise(h))
+    return step(inputs)
+
+
+def _acts(effect: AbstractEffect, port: str) -> bool:
+    return getattr(type(effect), port) is not getattr(AbstractEffect, port)
+
+
+def _through(
+    port: str,
+    effects: tuple[AbstractEffect, ...],
+    x: Float[Array, " M"],
+    signals: Signals,
+    on: Bool[Array, " effects"] | None,
+) -> Float[Array, " M"]:
+    """A signal behind the effects at its port."""
+    for i, effect in enumerate(effects):
+        if _acts(effect, port):
+            act = getattr(effect, port)
+            if on is None:
+                x = act(x, signals)
+            else:
+                x = lax.cond(on[i], lambda x, act=act: act(x, signals), lambda x: x, x)
+    return x
 
 
 def _dynamics(
     system: StateSpace,
+    steps: tuple[Float[Array, "2 n n"], Float[Array, "2 n"]],
     rest: Array,
-    effects: tuple[AbstractEffect, ...],
+    inside: tuple[AbstractEffect, ...],
     u: Float[Array, " M"],
     signals: Signals,
+    x0: Float[Array, " n"] | None = None,
 ) -> Float[Array, " M"]:
-    """The output at the start of each sub-step. The states are scalars of their own, so that a batch
-    of plants is elementwise arithmetic."""
-    inside = [e for e in effects if type(e).effort is not AbstractEffect.effort]
-    Ad, Bd = system.discretise(signals.h)
-    force = StateSpace(system.A, _led(system.B, signals.lead), system.C, system.D)
-    Fd = force.discretise(signals.h)[1]
+    """The output at the start of each sub-step, with forces inside. The states are scalars of their
+    own, so that a batch of plants is elementwise arithmetic.
+
+    Args:
+        steps: of the system over a sub-step, for the command and for a force.
+        x0: state at the start; at rest under the first command if None.
+    """
+    Ad, (Bd, Fd) = steps[0][0], steps[1]
     gain = system.C @ system.A @ Bd + system.C @ system.B
-    hold = system.C @ system.A @ Fd + system.C @ force.B
+    hold = system.C @ system.A @ Fd + system.C @ _led(system.B, signals.lead)
     hold = jnp.where(jnp.abs(hold) > 1e-12, hold, 1e-12)
     n = Bd.shape[0]
     A = [[Ad[i, j] for j in range(n)] for i in range(n)]
@@ -91,13 +324,14 @@ def _dynamics(
         stuck = jnp.where(jnp.abs(rate) < 1e-9 * jnp.abs(hold), 1.0, 0.0)
         return (tuple(x[i] - F[i] * total for i in range(n)), stuck), y
 
-    start = tuple(rest[i] * u[0] for i in range(n))
+    first = rest * u[0] if x0 is None else x0
+    start = tuple(first[i] for i in range(n))
     return lax.scan(step, (start, jnp.zeros(())), u)[1]
 
 
 def _led(B: Float[Array, " n"], lead: Float[Array, ""]) -> Float[Array, " n"]:
     """Input vector of a force that enters behind a part of the dynamics: `B` with the numerator
-    times `1 + lead s`, in observer form."""
+    times `1 + lead q`, in observer form; `lead` is in the form's own unit of time, that of `q`."""
     return B + lead * jnp.append(B[1:], 0.0)
 
 
@@ -112,7 +346,8 @@ def _sum(terms) -> Array:
 def observer(
     a: Float[Array, " n"], b: Float[Array, " n"], pace: Float[Array, ""]
 ) -> tuple[StateSpace, Float[Array, " n"], Float[Array, ""]]:
-    """The observer form of `(b1 q^(n-1) + ... + bn) / (q^n + a1 q^(n-1) + ... + an)`, `q = s / pace`.
+    """The observer form of `(b1 q^(n-1) + ... + bn) / (q^n + a1 q^(n-1) + ... + an)` with
+    `q = s / pace`.
 
     Trailing zeros in both make a plant of lower order: their states stay exactly zero, so plants of
     every order are one batch.
@@ -126,7 +361,8 @@ def observer(
     order = n - 1 - jnp.argmax((jax.lax.stop_gradient(a) != 0.0)[::-1])
     last, push = a[order], b[order]
     level = push / jnp.where(last == 0.0, 1.0, last)
-    rest = jnp.concatenate([level[None], jnp.where(jnp.arange(n - 1) < order, a[:-1] * level - b[:-1], 0.0)])
+    others = jnp.where(jnp.arange(n - 1) < order, a[:-1] * level - b[:-1], 0.0)
+    rest = jnp.concatenate([level[None], others])
     before = jnp.where(order > 0, a[order - 1], 1.0)
     slowness = before / (pace * jnp.where(push == 0.0, 1.0, push))
     return system, rest, slowness

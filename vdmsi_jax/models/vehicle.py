@@ -1,4 +1,5 @@
-"""The vehicle: a bicycle whose speed and steering angle are the responses of two actuators."""
+"""The vehicle: a bicycle whose speed and steering angle are the responses of two actuators, and
+what body and road add to it."""
 
 import enum
 from collections.abc import Sequence
@@ -6,7 +7,9 @@ from collections.abc import Sequence
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Float
 
+from vdmsi_jax.effects.base import AbstractEffect
 from vdmsi_jax.models.bicycle import Bicycle
 from vdmsi_jax.models.following import FollowedAtOnce
 from vdmsi_jax.models.linear_plant import LinearPlant
@@ -24,9 +27,16 @@ def _plant(plant: AbstractPlant | None) -> AbstractPlant:
     return FollowedAtOnce() if plant is None else plant
 
 
+_PORTS = ("speed", "angle", "course", "curvature", "relaxed")
+
+
+def _acts(effect: AbstractEffect, *ports: str) -> bool:
+    return any(getattr(type(effect), p) is not getattr(AbstractEffect, p) for p in ports)
+
+
 class Vehicle(eqx.Module):
     """Commands in, motion out: VDM where the actuators follow at once, VDM-SI where they are
-    identified.
+    identified, and the extended model where actuators, body or road have causes in them.
 
     A pytree: differentiate it, batch it, exchange its parts with `eqx.tree_at`. VDM and VDM-SI are
     the same class, so that comparing them is simulating twice.
@@ -38,12 +48,48 @@ class Vehicle(eqx.Module):
         speed_input: what the bicycle takes from the powertrain. The derivative is the exact one,
             C(Ax + Bu) and the jumps of a feed-through, so that the two choices differ by nothing
             but the speed at the start.
+        effects: of body and road, in the order in which they act, that of
+            `vdmsi_jax.effects.VEHICLE`. They stand between the actuators' responses, which stay
+            what speed and angle sensors see, and the motion.
     """
 
     bicycle: Bicycle
     powertrain: AbstractPlant = eqx.field(converter=_plant, default=None)
     steering: AbstractPlant = eqx.field(converter=_plant, default=None)
     speed_input: SpeedInput = eqx.field(static=True, default=SpeedInput.ACCELERATION)
+    effects: tuple[AbstractEffect, ...] = eqx.field(converter=tuple, default=())
+
+    def __check_init__(self):
+        for effect in self.effects:
+            if not _acts(effect, *_PORTS):
+                problem = f"{type(effect).__name__} acts on no vehicle"
+                raise ValueError(f"{problem}; give it to the ExtendedPlant of an actuator")
+
+    def acts_at(self, *ports: str) -> bool:
+        """Whether an effect acts at one of the ports."""
+        return any(_acts(effect, *ports) for effect in self.effects)
+
+    def over_ground(
+        self, v: Float[Array, "*n"], delta: Float[Array, "*n"]
+    ) -> tuple[Float[Array, "*n"], Float[Array, "*n"], Float[Array, "*n"]]:
+        """Speed, angle from the heading to the course, and curvature of the path, at responses `v`
+        (m/s) and `delta` (rad) of the actuators; the memory of the way (`relaxed`) left out."""
+        shape, v, delta = v.shape, v.reshape(-1), delta.reshape(-1)
+        for effect in self.effects:
+            v, delta = effect.speed(v), effect.angle(delta)
+        beta, kappa = self.bicycle.slip_angle(delta), self.bicycle.course(delta)[2]
+        for effect in self.effects:
+            beta, kappa = effect.course(beta), effect.curvature(kappa, v)
+        return v.reshape(shape), beta.reshape(shape), kappa.reshape(shape)
+
+    def relaxed(
+        self, kappa: Float[Array, " M"], v: Float[Array, " M"], h: Float[ArrayLike, "..."]
+    ) -> Float[Array, " M"]:
+        """The curvature of `over_ground` with its memory of the way, at instants in the order of
+        time, each `h` seconds after the one before."""
+        for effect in self.effects:
+            kappa = effect.relaxed(kappa, v, h)
+        return kappa
 
 
 def stack_vehicles(vehicles: Sequence[Vehicle]) -> Vehicle:
@@ -54,14 +100,18 @@ def stack_vehicles(vehicles: Sequence[Vehicle]) -> Vehicle:
     `simulate_many` or under `jax.vmap`.
 
     Raises:
-        ValueError: there is none, a plant is not linear, or `speed_input` differs.
+        ValueError: there is none, a plant is not linear, or `speed_input` or the kinds of effects
+            differ. (Vehicles of one kind, whatever is in them, are stacked by
+            `jax.tree.map(lambda *x: jnp.stack(x), *vehicles)`.)
     """
     if len({vehicle.speed_input for vehicle in vehicles}) != 1:
         raise ValueError("give at least one vehicle, all with the same speed_input")
+    if len({jax.tree.structure(vehicle.effects) for vehicle in vehicles}) != 1:
+        raise ValueError("give vehicles with the same kinds of effects, those not wanted off")
     powertrains = _at_common_order([vehicle.powertrain for vehicle in vehicles])
     steerings = _at_common_order([vehicle.steering for vehicle in vehicles])
     parts = [
-        Vehicle(vehicle.bicycle, powertrain, steering, vehicle.speed_input)
+        Vehicle(vehicle.bicycle, powertrain, steering, vehicle.speed_input, vehicle.effects)
         for vehicle, powertrain, steering in zip(vehicles, powertrains, steerings, strict=True)
     ]
     return jax.tree.map(lambda *leaves: jnp.stack(leaves), *parts)

@@ -9,7 +9,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from vdmsi_jax.models.commands import Commands
-from vdmsi_jax.models.plant import AbstractTrace
+from vdmsi_jax.models.extended_plant import ExtendedPlant, surroundings
+from vdmsi_jax.models.plant import AbstractPlant, AbstractTrace
 from vdmsi_jax.models.vehicle import SpeedInput, Vehicle
 
 
@@ -52,8 +53,9 @@ class Trajectory(eqx.Module):
         t: time, s.
         x, y: position, m.
         psi: heading of the body, rad, not wrapped.
-        v: speed, m/s.
-        delta: road-wheel angle, rad.
+        v: speed, m/s, the response of the powertrain; what effects of the vehicle make of it shows
+            in the pose.
+        delta: road-wheel angle, rad, the response of the steering, likewise.
         r: yaw rate, rad/s.
         a: acceleration between the jumps of the speed, m/s².
         status: how the simulation ended; `RESULTS.successful`, or why the arrays are no motion.
@@ -101,15 +103,25 @@ class Responses(eqx.Module):
 
 def respond(vehicle: Vehicle, commands: Commands, start: Start) -> Responses:
     """Run the actuators alone: where speed and angle depend on no pose they are known
-    beforehand."""
-    powertrain = vehicle.powertrain.trace(commands.v_cmd, commands.dt, start.powertrain)
-    steering = vehicle.steering.trace(commands.delta_cmd, commands.dt, start.steering)
-    speed, angle = powertrain.rows(), steering.rows()
+    beforehand. The powertrain hears its own command as the speed, the steering that speed which
+    came of it."""
+
+    def run(plant: AbstractPlant, u: Array, v: Array, other: Array, x0: Array | None):
+        if isinstance(plant, ExtendedPlant):
+            plant = plant.hearing(surroundings(v, other, commands.dt, commands.since))
+        return plant.trace(u, commands.dt, x0)
+
+    v_cmd, delta_cmd = commands.v_cmd, commands.delta_cmd
+    powertrain = run(vehicle.powertrain, v_cmd, v_cmd, delta_cmd, start.powertrain)
+    speed = powertrain.rows()
     # the derivative and its jumps, integrated from v: the response, moved to start there
     surplus = jnp.zeros_like(speed.y[0])
     if start.v is not None and vehicle.speed_input is SpeedInput.ACCELERATION:
         surplus = start.v - speed.y[0]
-    return Responses(powertrain, steering, surplus, speed.y + surplus, speed.dy, angle.y)
+    v = speed.y + surplus
+    steering = run(vehicle.steering, delta_cmd, v, v_cmd, start.steering)
+    angle = steering.rows()
+    return Responses(powertrain, steering, surplus, v, speed.dy, angle.y)
 
 
 def trajectory(
@@ -119,13 +131,25 @@ def trajectory(
     x: Float[Array, " N"],
     y: Float[Array, " N"],
     psi: Float[Array, " N"],
+    r: Float[Array, " N"] | None = None,
 ) -> Trajectory:
-    """Put a trajectory together from the actuators' responses and the integrated pose."""
+    """Put a trajectory together from the actuators' responses and the integrated pose; without a
+    yaw rate it follows from these responses."""
     t = commands.t0 + commands.dt * jnp.arange(x.shape[0])
     v, delta = responses.v, responses.delta
-    r = vehicle.bicycle.yaw_rate(v, delta)
+    r = yaw_rate(vehicle, v, delta) if r is None else r
     channels = (x, y, psi, v, delta, r, responses.a)
     return Trajectory(t, *channels, status=finite_or(RESULTS.successful, channels))
+
+
+def yaw_rate(
+    vehicle: Vehicle, v: Float[Array, "*n"], delta: Float[Array, "*n"]
+) -> Float[Array, "*n"]:
+    """Rate of the heading, rad/s, at responses of the actuators, of a vehicle without memory."""
+    if not vehicle.effects:
+        return vehicle.bicycle.yaw_rate(v, delta)
+    speed, _, curvature = vehicle.over_ground(v, delta)
+    return speed * curvature
 
 
 def finite_or(status: Any, channels: tuple[Array, ...]) -> Any:

@@ -6,9 +6,8 @@ from jax import lax
 
 from vdmsi_jax.data.record import Record
 from vdmsi_jax.models.commands import Commands
-from vdmsi_jax.models.following import FollowedAtOnce
 from vdmsi_jax.models.vehicle import Vehicle
-from vdmsi_jax.simulate._arcs import Arcs
+from vdmsi_jax.simulate._arcs import Arcs, no_arcs
 from vdmsi_jax.simulate._nouns import AbstractMethod, Start, Trajectory
 from vdmsi_jax.simulate._quadrature import Quadrature
 
@@ -27,11 +26,12 @@ def simulate(
     (with `Solver`, those that its adjoint has).
 
     Args:
-        vehicle: VDM or VDM-SI.
+        vehicle: VDM, VDM-SI, or one with effects.
         commands: held between the rows; a record without gaps gives its own.
         start: state at the first row; at the origin, heading along x, if `None`.
         method: `Quadrature()`, `Arcs()` or `Solver()`; `None` for the fastest that is exact here,
-            which is `Arcs` where the steering is followed at once and `Quadrature` otherwise.
+            which is `Arcs` where the steering is followed at once (and no effect bends the arcs)
+            and `Quadrature` otherwise.
 
     Returns:
         The trajectory at the rows. A failure does not raise; it stands in its `status`.
@@ -43,7 +43,7 @@ def simulate(
     if isinstance(commands, Record):
         commands = Commands.of(commands)
     if method is None:
-        method = Arcs() if isinstance(vehicle.steering, FollowedAtOnce) else Quadrature()
+        method = Arcs() if no_arcs(vehicle) is None else Quadrature()
     return _run(vehicle, commands, Start() if start is None else start, method)
 
 

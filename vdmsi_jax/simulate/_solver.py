@@ -20,6 +20,7 @@ from vdmsi_jax.simulate._nouns import (
     Start,
     Trajectory,
     finite_or,
+    yaw_rate,
 )
 from vdmsi_jax.simulate._quadrature import piece_edges
 
@@ -49,12 +50,19 @@ class _Model(eqx.Module):
     def derivative(self, t: Any, state: _State, held: _Held) -> _State:
         """The vector field."""
         v, a, delta = self.inputs(state, held)
-        bicycle = state.bicycle._replace(v=v)
         return _State(
-            self.vehicle.bicycle.derivatives(bicycle, a, delta),
+            self.motion(state.bicycle._replace(v=v), a, delta),
             _flow(self.powertrain, state.powertrain, held.v_cmd),
             _flow(self.steering, state.steering, held.delta_cmd),
         )
+
+    def motion(self, bicycle: BicycleState, a: Array, delta: Array) -> BicycleState:
+        """Eq. (6), or what effects of the vehicle make of it."""
+        if not self.vehicle.effects:
+            return self.vehicle.bicycle.derivatives(bicycle, a, delta)
+        v, beta, curvature = self.vehicle.over_ground(bicycle.v, delta)
+        course = bicycle.psi + beta
+        return BicycleState(v * jnp.cos(course), v * jnp.sin(course), v * curvature, a)
 
     def inputs(self, state: _State, held: _Held) -> tuple[Array, Array, Array]:
         """Speed, acceleration and road-wheel angle."""
@@ -84,7 +92,7 @@ class _Model(eqx.Module):
         """x, y, psi, v, delta, r and a."""
         v, a, delta = self.inputs(state, held)
         x, y, psi, _ = state.bicycle
-        return x, y, psi, v, delta, self.vehicle.bicycle.yaw_rate(v, delta), a
+        return x, y, psi, v, delta, yaw_rate(self.vehicle, v, delta), a
 
     def acting(self, commands: Commands, edges: Float[Array, " edges"]) -> _Held:
         """The commands `(N, pieces)` in the middle of each piece, looked up by its time."""
@@ -134,8 +142,10 @@ class Solver(AbstractMethod):
         """The trajectory; arguments as in `simulate`.
 
         Raises:
-            ValueError: a plant is not linear.
+            ValueError: a plant is not linear, or an effect remembers the way.
         """
+        if vehicle.acts_at("relaxed"):
+            raise ValueError("Solver takes no effect that remembers the way; use Quadrature()")
         model = _Model(vehicle, vehicle.powertrain.to_plant(), vehicle.steering.to_plant())
         edges = piece_edges(vehicle, commands.dt)
         held = model.acting(commands, edges)

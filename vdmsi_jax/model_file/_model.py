@@ -1,4 +1,4 @@
-"""Models on disk: versioned JSON, checked when it is read, never code."""
+"""A model, how it is written, and how it is read again."""
 
 import math
 from collections.abc import Mapping
@@ -8,16 +8,20 @@ from typing import Any
 
 import numpy as np
 
-from .config import PlantSpec, VehicleGeometry
-from .decode import decode
-from .errors import InputError, nearest
-from .files import read_json, write_json
-from .models.bicycle import Bicycle
-from .models.transfer_function import TransferFunction, improper_reason
-from .models.vehicle import SpeedInput, Vehicle
+from ..config import PlantSpec, VehicleGeometry
+from ..decode import decode
+from ..effects import ACTUATOR, SENSOR, VEHICLE, AbstractEffect
+from ..errors import InputError, nearest
+from ..files import read_json, write_json
+from ..models.bicycle import Bicycle
+from ..models.extended_plant import ExtendedPlant
+from ..models.transfer_function import TransferFunction, improper_reason
+from ..models.vehicle import SpeedInput, Vehicle
+from ._effects import EffectEntry, all_made, documents, in_order
 
 MODEL = "vdmsi.model/1"
 IDENTIFY = "vdmsi.identify/1"
+_MOST_SUBSTEPS = 1000
 
 
 @dataclass(frozen=True)
@@ -26,19 +30,42 @@ class Plant:
 
     Attributes:
         spec: its name, its command, its response.
-        model: the transfer function.
+        model: the transfer function, or one with effects.
     """
 
     spec: PlantSpec
-    model: TransferFunction
+    model: TransferFunction | ExtendedPlant
+
+    @property
+    def linear(self) -> TransferFunction:
+        """The transfer function without effects."""
+        return self.model.plant if isinstance(self.model, ExtendedPlant) else self.model
 
 
 @dataclass(frozen=True)
 class Model:
-    """What was identified: plants by name, and the geometry if they are a vehicle's."""
+    """What was identified: plants by name, the geometry if they are a vehicle's, and the causes
+    that were found.
+
+    Attributes:
+        plants: by name; those with causes hold an `ExtendedPlant`.
+        vehicle: geometry.
+        body: effects of body and road, in the order of `vdmsi_jax.effects.VEHICLE`.
+        sensors: what sensors add to the channel that they measure, in the order of
+            `vdmsi_jax.effects.SENSOR`; the channel `pose` stands for `x`, `y` and `psi`.
+    """
 
     plants: Mapping[str, Plant]
     vehicle: VehicleGeometry | None = None
+    body: tuple[AbstractEffect, ...] = ()
+    sensors: tuple[tuple[str, AbstractEffect], ...] = ()
+
+    @property
+    def extended(self) -> bool:
+        """Whether there is an effect anywhere."""
+        models = [plant.model for plant in self.plants.values()]
+        inside = any(isinstance(model, ExtendedPlant) and model.effects for model in models)
+        return inside or bool(self.body or self.sensors)
 
     def plant(self, command: str, response: str) -> Plant | None:
         """The plant between two channels, if there is one."""
@@ -47,8 +74,9 @@ class Model:
                 return plant
         return None
 
-    def to_vehicle(self, *, dynamics: bool = True) -> Vehicle:
-        """The model as one pytree to simulate: VDM-SI, or VDM without its `dynamics`.
+    def to_vehicle(self, *, dynamics: bool = True, effects: bool = True) -> Vehicle:
+        """The model as one pytree to simulate: extended, VDM-SI without its `effects`, and VDM
+        without its `dynamics`, which leaves the effects out too.
 
         A bicycle without slip may be seen from any point of its axis. With the distances of the
         reference point in place of the centre of gravity's, speed and pose are those of the
@@ -62,11 +90,16 @@ class Model:
             raise InputError("model", "vehicle", "has no geometry, so it has no path", mend)
         behind = self.vehicle.rear_to_reference
         powertrain, steering = self.plant("v_cmd", "v"), self.plant("delta_cmd", "delta")
+        powertrain, steering = (
+            (plant.model if effects else plant.linear) if dynamics and plant else None
+            for plant in (powertrain, steering)
+        )
         return Vehicle(
             Bicycle(self.vehicle.wheelbase - behind, behind),
-            powertrain.model if dynamics and powertrain else None,
-            steering.model if dynamics and steering else None,
+            powertrain,
+            steering,
             speed_input=SpeedInput.VELOCITY,
+            effects=self.body if dynamics and effects else (),
         )
 
 
@@ -94,25 +127,40 @@ def load_model(path: str | Path) -> Model:
         }
     document = {key: value for key, value in document.items() if value is not None}
     file = decode(_File, document, source=source)
-    return Model({name: entry.to_plant(name) for name, entry in file.plants.items()}, file.vehicle)
+    plants = {name: entry.to_plant(name) for name, entry in file.plants.items()}
+    try:
+        body = all_made(file.body, VEHICLE, "body")
+        seen = {"v", "delta", "r", "pose", *(plant.spec.output for plant in plants.values())}
+        sensors = all_made(file.sensors, SENSOR, "sensors", seen)
+    except InputError as error:
+        raise error.within(source, "") from None
+    channels = [str(entry.channel) for entry in file.sensors]
+    return Model(
+        plants,
+        file.vehicle,
+        tuple(body[i] for i in in_order(body, VEHICLE)),
+        tuple((channels[i], sensors[i]) for i in in_order(sensors, SENSOR, channels)),
+    )
 
 
 def save_model(path: str | Path, model: Model) -> Path:
-    """Write a model, atomically."""
-    plants = {
-        name: {
-            "input": plant.spec.input,
-            "output": plant.spec.output,
-            "num": plant.model.num,
-            "den": plant.model.den,
-            "delay": 0.0 if plant.model.delay is None else plant.model.delay,
-            "offset": 0.0 if plant.model.offset is None else plant.model.offset,
-        }
-        for name, plant in model.plants.items()
+    """Write a model, atomically.
+
+    Raises:
+        ValueError: an effect is none of the project's, or effects do not stand in the order of the
+            registry, in which they would be read.
+    """
+    document: dict[str, Any] = {
+        "schema": MODEL,
+        "plants": {name: _plant_document(plant) for name, plant in model.plants.items()},
     }
-    document = {"schema": MODEL, "plants": plants}
     if model.vehicle is not None:
         document["vehicle"] = geometry(model.vehicle)
+    if model.body:
+        document["body"] = documents(model.body, VEHICLE, "VEHICLE")
+    if model.sensors:
+        channels, sensors = zip(*model.sensors, strict=True)
+        document["sensors"] = documents(sensors, SENSOR, "SENSOR", channels)
     return write_json(path, document)
 
 
@@ -120,6 +168,22 @@ def geometry(vehicle: VehicleGeometry) -> dict[str, Any]:
     """A vehicle's table as a model file holds it."""
     table = {"l_f": vehicle.l_f, "l_r": vehicle.l_r, "reference_point": vehicle.reference_point}
     return table if vehicle.lever_arm is None else table | {"lever_arm": vehicle.lever_arm}
+
+
+def _plant_document(plant: Plant) -> dict[str, Any]:
+    linear, model = plant.linear, plant.model
+    document = {
+        "input": plant.spec.input,
+        "output": plant.spec.output,
+        "num": linear.num,
+        "den": linear.den,
+        "delay": 0.0 if linear.delay is None else linear.delay,
+        "offset": 0.0 if linear.offset is None else linear.offset,
+    }
+    if isinstance(model, ExtendedPlant) and model.effects:
+        document["effects"] = documents(model.effects, ACTUATOR, "ACTUATOR")
+        document |= {"lead": model.lead, "substeps": model.substeps}
+    return document
 
 
 @dataclass(frozen=True)
@@ -130,9 +194,12 @@ class _Entry:
     den: tuple[float, ...]
     delay: float = 0.0
     offset: float = 0.0
+    effects: tuple[EffectEntry, ...] = ()
+    lead: float = 0.0
+    substeps: int = 4
 
     def __post_init__(self):
-        for name in ("num", "den", "delay", "offset"):
+        for name in ("num", "den", "delay", "offset", "lead"):
             value = getattr(self, name)
             if not all(map(math.isfinite, value if isinstance(value, tuple) else (value,))):
                 raise InputError("model", name, "is not finite", "write the file anew")
@@ -144,11 +211,22 @@ class _Entry:
             raise InputError("model", "num", improper, "give no more zeros than poles")
         if self.delay < 0.0:
             raise InputError("model", "delay", f"{self.delay} is negative", "give seconds")
+        if self.lead < 0.0:
+            raise InputError("model", "lead", f"{self.lead} is negative", "give seconds")
+        if not 1 <= self.substeps <= _MOST_SUBSTEPS:
+            mend = f"give a whole number from 1 to {_MOST_SUBSTEPS}"
+            raise InputError("model", "substeps", f"{self.substeps} is out of range", mend)
+        all_made(self.effects, ACTUATOR, "effects")
 
     def to_plant(self, name: str) -> Plant:
         num, den = np.array(self.num), np.array(self.den)
         model = TransferFunction(num, den, delay=self.delay, offset=self.offset)
-        return Plant(PlantSpec(name, self.input, self.output), model)
+        spec = PlantSpec(name, self.input, self.output)
+        if not self.effects:
+            return Plant(spec, model)
+        made = all_made(self.effects, ACTUATOR, "effects")
+        made = tuple(made[i] for i in in_order(made, ACTUATOR))
+        return Plant(spec, ExtendedPlant(model, made, lead=self.lead, substeps=self.substeps))
 
 
 @dataclass(frozen=True)
@@ -156,6 +234,8 @@ class _File:
     schema: str
     plants: Mapping[str, _Entry]
     vehicle: VehicleGeometry | None = field(default=None)
+    body: tuple[EffectEntry, ...] = ()
+    sensors: tuple[EffectEntry, ...] = ()
 
 
 def _table(document: Any, key: str, source: str, place: str) -> Mapping[str, Any]:

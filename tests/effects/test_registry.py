@@ -1,0 +1,97 @@
+"""The registry against the contract: every word is there, described, and has probes that are on."""
+
+import inspect
+
+import numpy as np
+import pytest
+
+from effects.worlds import REGISTRY, WORLDS, benches, label, places
+from vdmsi_jax.effects import AbstractEffect
+from vdmsi_jax.parameters import parameters
+
+WORDS = set(
+    """
+    transport_delay dead_zone backlash saturation rate_limit coulomb_friction gain_asymmetry
+    gain_nonlinearity quantization offset gain_drift regime_change resonance periodic_disturbance
+    speed_dependent_gain understeer tyre_relaxation geometry_scale speed_scale road_grade bank drag
+    cross_coupling sensor_delay sensor_bias sensor_lag
+    """.split()
+)
+"""The table of the contract."""
+
+every_effect = pytest.mark.parametrize("effect", REGISTRY, ids=label)
+every_bench = pytest.mark.parametrize("bench", benches(), ids=lambda bench: bench.name)
+
+
+def test_every_word_of_the_contract_has_an_effect_and_every_effect_such_a_word():
+    assert {effect.cause for effect in REGISTRY} == WORDS
+
+
+def test_no_cause_is_registered_twice_in_one_form():
+    names = [label(effect) for effect in REGISTRY]
+    assert len(set(names)) == len(names)
+
+
+@every_effect
+def test_an_effect_is_described(effect):
+    cls = type(effect)
+    text = inspect.cleandoc(cls.__dict__["__doc__"] or "")
+    assert len(text.split()) > 2 and not text.startswith(f"{cls.__name__}(")
+    assert inspect.getmodule(cls).__doc__
+    assert parameters(effect)
+    for name, known in parameters(effect).items():
+        assert known.unit.strip() and len(known.doc.split()) >= 2, name
+        assert known.shown in ("value", "inverse")
+        assert known.lower <= np.min(known.off) and np.max(known.off) <= known.upper
+
+
+@every_effect
+def test_an_effect_is_off_by_default_and_scaling_leaves_its_parameters(effect):
+    for made in (effect, *(effect.scaled(world.scales) for world in WORLDS)):
+        assert label(made) == label(effect)
+        for name, known in parameters(made).items():
+            value = getattr(made, name)
+            assert value.dtype == np.float64
+            np.testing.assert_array_equal(value, np.asarray(known.off))
+
+
+@every_effect
+def test_an_effect_knows_whether_it_acts_between_the_rows(effect):
+    between = {"held", "effort", "output", "sensor"}
+    own = {
+        name for name in between if getattr(type(effect), name) is not vars(AbstractEffect)[name]
+    }
+    assert effect.remembers == bool(own)
+
+
+@every_bench
+def test_probes_are_finite_within_bounds_and_on(bench):
+    for place in bench.places:
+        probes = place.effect.probes(bench.scales)
+        name = label(place.effect)
+        assert probes, name
+        low, high = np.array([(k.lower, k.upper) for k in place.known]).T
+        for probe in probes:
+            assert len(probe) == len(place.index), name
+            values = np.asarray(probe, float)
+            assert np.isfinite(values).all(), name
+            assert np.all((low <= values) & (values <= high)), (name, probe)
+            assert np.any(values != bench.off[list(place.index)]), name
+
+
+@every_bench
+def test_a_probe_changes_the_response_to_a_rich_command(bench):
+    """At least one probe of each effect by 1e-4 of the response; all of them finitely."""
+    plain = bench.program.many(bench.world, bench.off[None])[0]
+    size = np.ptp(plain)
+    for place in bench.places:
+        answers = bench.program.many(bench.world, bench.probed(place))
+        assert np.isfinite(answers).all(), label(place.effect)
+        change = np.abs(answers - plain).max(axis=1) / size
+        assert change.max() > 1e-4, label(place.effect)
+
+
+def test_places_cover_the_vector():
+    for bench in benches():
+        index = [i for place in places(bench.effects) for i in place.index]
+        assert index == list(range(bench.off.size))

@@ -1,0 +1,202 @@
+"""A plant with effects: the linear one where they are off, and plain loops where they are on."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from vdmsi_jax.effects import ACTUATOR, Signals
+from vdmsi_jax.effects.backlash import Backlash
+from vdmsi_jax.effects.coulomb_friction import CoulombFriction
+from vdmsi_jax.effects.drag import Drag
+from vdmsi_jax.effects.offset import Offset
+from vdmsi_jax.effects.road_grade import GRAVITY, KNOTS, RoadGrade
+from vdmsi_jax.effects.saturation import Saturation
+from vdmsi_jax.effects.sensor import SensorBias
+from vdmsi_jax.effects.speed_dependent_gain import SpeedDependentGain
+from vdmsi_jax.effects.transport_delay import TransportDelay
+from vdmsi_jax.models.extended_plant import ExtendedPlant, observer, respond, surroundings
+from vdmsi_jax.models.transfer_function import TransferFunction
+
+DT, ROWS, STEPS = 0.01, 1200, 4
+SAME = 1e-9  # the response is of order one; the two ways round differently
+LAG, GAIN = 8.0, 0.9  # rad/s and no unit, of the plant in the loops
+
+PLANTS = {
+    "P1Z0": TransferFunction([9.3], [1.0, 10.0]),
+    "P2Z2": TransferFunction([0.0631, 2.21, 143.90], [1.0, 18.15, 143.20]),
+    "P3Z1": TransferFunction([3.0, 700.0], [1.0, 50.0, 800.0, 700.0]),
+    "integrator": TransferFunction([3.0], [1.0, 5.0, 0.0]),
+    "late": TransferFunction([9.3], [1.0, 10.0], delay=0.0575, offset=0.1),
+}
+
+
+def commands(seed=0, rows=ROWS):
+    rng = np.random.default_rng(seed)
+    return np.repeat(rng.uniform(-1.0, 1.0, rows // 60 + 1), 60)[:rows]
+
+
+def lag(u, y=None):
+    """Sub-steps of a first-order lag under commands held for a sub-step each."""
+    keep = np.exp(-LAG * DT / STEPS)
+    y, out = GAIN * u[0] if y is None else y, []
+    for held in u:
+        out.append(y)
+        y = keep * y + (1.0 - keep) * GAIN * held
+    return np.array(out)
+
+
+def lagged(*effects, **more):
+    return ExtendedPlant(TransferFunction([GAIN * LAG], [1.0, LAG]), effects, **more)
+
+
+@pytest.mark.parametrize(
+    ("name", "rolling"),
+    [("P1Z0", False), ("P2Z2", True), ("P3Z1", False), ("integrator", True), ("late", True)],
+)
+def test_without_effects_it_is_the_transfer_function(name, rolling):
+    plant, u = PLANTS[name], commands()
+    x0 = 0.1 * jnp.arange(1.0, len(plant.den)) if rolling else None
+    expected = plant.simulate(u, DT, x0)
+    bare = ExtendedPlant(plant, ()).simulate(u, DT, x0)
+    np.testing.assert_allclose(bare.y, expected.y, atol=SAME)
+    off = ExtendedPlant(plant, ACTUATOR).simulate(u, DT, x0)
+    np.testing.assert_array_equal(off.y, bare.y)
+    np.testing.assert_array_equal(off.dy, bare.dy)
+    end = ExtendedPlant(plant, ()).simulate(np.append(u, u[-1]), DT, x0).y[-1]
+    np.testing.assert_allclose(bare.x_end, end, rtol=1e-12)
+
+
+def test_between_the_rows_it_is_near_the_exact_motion():
+    """Straight lines of h = dt / steps stray from a curve by h²/8 of its bend."""
+    plant, u = PLANTS["P1Z0"], commands()
+    tau = jnp.array([0.0, 0.0011, 0.0049, 0.0099])
+    for steps in (1, 8):
+        exact = plant.trace(u, DT)
+        near = ExtendedPlant(plant, (), substeps=steps).trace(u, DT)
+        stray = (DT / steps) ** 2 / 8.0 * 10.0**2 * 0.93 * np.ptp(u)
+        np.testing.assert_allclose(near.at(tau), exact.at(tau), atol=1.001 * stray)
+        np.testing.assert_allclose(near.travelled(), exact.travelled(), atol=DT * stray)
+        ahead = 0.5 * DT / steps * 10.0**2 * 0.93 * np.ptp(u)
+        np.testing.assert_allclose(near.rows().dy, exact.rows().dy, atol=1.001 * ahead)
+
+
+def test_backlash_saturation_and_delay_are_those_of_a_loop():
+    u, gap, upper, late = commands(), 0.2, 0.6, 7 * DT
+    y = lag(np.repeat(np.minimum(np.r_[[u[0]] * 7, u[:-7]], upper), STEPS))
+    rest, out = y[0], []
+    for now in y:
+        rest = min(max(rest, now - gap / 2), now + gap / 2)
+        out.append(rest)
+    expected = np.minimum(np.array(out)[::STEPS], 1.0 / 2.5) + 0.05
+    for plant in (
+        lagged(
+            Saturation(1.0 / upper, 0.0), TransportDelay(late), Saturation(2.5, 0.0, "response"),
+            Backlash(gap), Offset(0.05),
+        ),
+        ExtendedPlant(  # the plant's own delay and offset do the same
+            TransferFunction([GAIN * LAG], [1.0, LAG], delay=late, offset=0.05),
+            (Saturation(1.0 / upper, 0.0), Saturation(2.5, 0.0, "response"), Backlash(gap)),
+        ),
+    ):  # fmt: skip
+        np.testing.assert_allclose(plant.simulate(u, DT).y, expected, atol=SAME)
+
+
+def test_a_stop_shows_between_the_rows_too():
+    u = commands()
+    trace = lagged(Saturation(2.5, 2.5, "response")).trace(u, DT)
+    assert float(abs(trace.at(jnp.linspace(0.0, 0.99 * DT, 9))).max()) <= 0.4
+    np.testing.assert_allclose(trace.travelled()[u > 0.9], 0.4 * DT, atol=0.4 * DT)
+
+
+def test_friction_spends_what_it_costs_and_holds_what_it_can():
+    stuck = lagged(CoulombFriction(0.3, 0.0)).simulate(np.r_[0.0, np.full(400, 0.25)], DT)
+    np.testing.assert_allclose(stuck.y, 0.0, atol=1e-12)
+    moved = lagged(CoulombFriction(0.3, 0.0)).simulate(np.r_[0.0, np.full(800, 1.0)], DT)
+    np.testing.assert_allclose(moved.y[-1], GAIN * 0.7, rtol=1e-6)
+
+
+@pytest.mark.parametrize("poles", [(4.0,), (4.0, 15.0), (4.0, 15.0, 60.0)])
+def test_a_deceleration_is_worth_time_constants_of_command(poles):
+    """At rest the command spent is deceleration times the sum of the time constants over the gain,
+    by which a road and rolling resistance count."""
+    den = np.poly(-np.array(poles))
+    linear = TransferFunction([GAIN * den[-1]], den)
+    worth = sum(1.0 / p for p in poles) / GAIN
+    u, rolling, slope = np.full(1500, 2.0), 0.4, 0.03
+    drag = ExtendedPlant(linear, (Drag(0.0, rolling),)).simulate(u, DT)
+    np.testing.assert_allclose(drag.y[-1], GAIN * (2.0 - worth * rolling), rtol=1e-6)
+    hill = RoadGrade(np.full(KNOTS, slope), 50.0)
+    told = surroundings(jnp.asarray(u), jnp.zeros(u.size), DT)
+    climbed = ExtendedPlant(linear, (hill,)).hearing(told).simulate(u, DT)
+    spent = worth * GRAVITY * slope
+    np.testing.assert_allclose(climbed.y[-1], GAIN * (2.0 - spent), rtol=1e-6)
+
+
+def test_it_is_what_a_diagnosis_simulates():
+    """The same plant, in the form in which a diagnosis looks for causes, whose unit of time is its
+    own."""
+    u, pace, lead = commands(), 5.0, 0.04
+    linear = TransferFunction([2.0, 90.0], [1.0, 20.0, 100.0])
+    effects = (CoulombFriction(0.1, 0.05), Backlash(0.05), Offset(0.1))
+    a, b = np.array([20.0 / pace, 100.0 / pace**2, 0, 0]), np.array([2.0 / pace, 90.0 / pace**2])
+    system, rest, slowness = observer(
+        jnp.asarray(a), jnp.asarray(np.r_[b, 0.0, 0.0]), jnp.asarray(pace)
+    )
+    signals = Signals.plain(u.size, DT, STEPS)
+    told = Signals(
+        signals.t, signals.v, signals.other, signals.distance, slowness,
+        jnp.asarray(lead * pace), signals.h, STEPS,
+    )  # fmt: skip
+    expected = respond(system, rest, effects, jnp.asarray(u), told)
+    plant = ExtendedPlant(linear, effects, lead=lead)
+    np.testing.assert_allclose(plant.simulate(u, DT).y, expected, atol=SAME)
+    without = ExtendedPlant(linear, effects).simulate(u, DT).y
+    assert float(abs(without - expected).max()) > 1e-3
+
+
+def test_it_hears_the_speed():
+    u, v = commands(), np.linspace(0.0, 5.0, ROWS)
+    told = surroundings(jnp.asarray(v), jnp.zeros(ROWS), DT)
+    y = lagged(SpeedDependentGain(-0.08)).hearing(told).simulate(u, DT).y
+    expected = lag(np.repeat(u * (1.0 - 0.08 * v), STEPS))[::STEPS]
+    np.testing.assert_allclose(y, expected, atol=SAME)
+    np.testing.assert_allclose(told.distance[-1], np.sum(v[:-1]) * DT, rtol=1e-12)
+    with pytest.raises(ValueError, match="1200 rows and has 3 commands"):
+        lagged().hearing(told).simulate(u[:3], DT)
+
+
+def test_what_a_sensor_adds_does_not_move():
+    u = commands()
+    np.testing.assert_array_equal(
+        lagged(SensorBias(0.3)).simulate(u, DT).y, lagged().simulate(u, DT).y
+    )
+
+
+def test_only_the_bare_one_is_linear():
+    assert ExtendedPlant(PLANTS["P2Z2"], ()).to_plant(3).rest.shape == (3,)
+    assert lagged(Backlash(0.1)).jump(jnp.asarray(DT)) is None
+    with pytest.raises(ValueError, match="not linear.*Quadrature"):
+        lagged(Backlash(0.1)).to_plant()
+    with pytest.raises(ValueError, match="sub-step"):
+        lagged(substeps=0)
+
+
+def test_many_at_once_and_their_gradients():
+    """A batch over sizes is the single ones, and both modes agree with differences."""
+    u = jnp.asarray(commands(rows=240))
+
+    def error(sizes):
+        late, gap, limit = sizes
+        made = (Saturation(limit, 0.0), TransportDelay(late), Backlash(gap))
+        return jnp.mean((lagged(*made).trace(u, DT).rows().y - 0.5 * u) ** 2)
+
+    sizes = jnp.array([[0.013, 0.1, 1.2], [0.031, 0.05, 0.9], [0.0, 0.0, 0.0]])
+    many, one = jax.jit(jax.vmap(error)), jax.jit(error)
+    np.testing.assert_allclose(many(sizes), [one(row) for row in sizes], rtol=1e-12)
+    reverse, forward = jax.jit(jax.grad(error)), jax.jit(jax.jacfwd(error))
+    assert all(np.isfinite(reverse(row)).all() for row in sizes)
+    row, step = sizes[0], 1e-7
+    slopes = [(one(row + d) - one(row - d)) / (2 * step) for d in step * np.eye(3)]
+    np.testing.assert_allclose(forward(row), reverse(row), rtol=1e-9)
+    np.testing.assert_allclose(reverse(row), slopes, rtol=1e-5)

@@ -1,0 +1,54 @@
+"""The error budget: who is responsible for how much, in whatever order the causes are put in."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .judge import shapley
+from .naming import Named
+from .result import Budget
+from .road import Road, only
+from .search import Search
+
+
+def of_channel(name: str, unit: str, search: Search, causes: Sequence[Named]) -> Budget:
+    """The squared error of an actuator's response on the data held out."""
+    stage = search.stage
+    use = stage.held_out if stage.held_out.sum() > 50 else stage.mask
+
+    def error(y: np.ndarray) -> float:
+        return float(np.mean((stage.y - y)[use] ** 2))
+
+    by_label = {c.label: c for c in causes if c.finding is not None}
+
+    def worth(kept: frozenset[str]) -> float:
+        numbers = tuple(by_label[k].finding.number for k in kept)  # type: ignore[union-attr]
+        return -error(only(search, numbers))
+
+    total, rest = error(search.baseline.y), error(search.final.y)
+    noise = min(float(np.mean((stage.y - search.final.y)[stage.mask] ** 2)), rest)
+    parts = _scaled(shapley(list(by_label), worth), total - rest)
+    squared = f"({unit})^2" if "/" in unit else f"{unit}^2"
+    left = total - sum(parts.values()) - noise
+    return Budget(name, squared, total, parts, noise, left)
+
+
+def of_path(road: Road, causes: Sequence[Named]) -> Budget:
+    """The mean translation error on the held-out drive."""
+    by_label = {c.label: c for c in causes}
+
+    def worth(kept: frozenset[str]) -> float:
+        return -road.with_only([by_label[k] for k in kept])
+
+    total, rest = road.mean(road.baseline), road.extended_mean
+    parts = _scaled(shapley(list(by_label), worth), total - rest)
+    noise = min(road.floor(), rest)
+    return Budget("translation", "m", total, parts, noise, total - sum(parts.values()) - noise)
+
+
+def _scaled(parts: dict[str, float], whole: float) -> dict[str, float]:
+    """The same shares of what the baseline, which was refitted without the causes, loses."""
+    total = sum(parts.values())
+    if abs(total) < 1e-300 or whole <= 0.0 or total < 0.0:
+        return parts if abs(sum(parts.values()) - whole) < 1e-12 else dict.fromkeys(parts, whole / max(len(parts), 1))
+    return {name: value * whole / total for name, value in parts.items()}

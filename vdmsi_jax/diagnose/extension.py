@@ -1,0 +1,83 @@
+"""The models that a diagnosis leaves: identified plants, without and with their causes."""
+
+from collections.abc import Mapping, Sequence
+
+import equinox as eqx
+import numpy as np
+
+from ..config import PlantSpec
+from ..data.record import Record
+from ..effects import SENSOR, VEHICLE, AbstractEffect
+from ..model_file import Model, Plant
+from ..models.extended_plant import ExtendedPlant
+from ..models.transfer_function import TransferFunction
+from ..parameters import parameters
+from .body import CAUSES
+from .body_search import BodySearch
+from .naming import Named
+from .refit import Hypothesis
+from .search import Search
+from .stage import LEAD, POLES, Stage, Unravel
+
+
+def plain_model(searches: Mapping[PlantSpec, Search], records: Sequence[Record]) -> Model:
+    """The baseline: plants without causes."""
+    plants = {
+        spec.name: Plant(spec, transfer_function(found.stage, found.baseline.hypothesis))
+        for spec, found in searches.items()
+    }
+    return Model(plants, records[0].vehicle)
+
+
+def extended_model(
+    searches: Mapping[PlantSpec, Search],
+    bodily: BodySearch | None,
+    causes: Sequence[Named],
+    records: Sequence[Record],
+) -> Model:
+    """The same kind of model with the causes in it."""
+    del causes  # those that were not confirmed stay in the fit that the others were judged beside
+    plants = {}
+    for spec, found in searches.items():
+        h = found.final.hypothesis
+        linear = transfer_function(found.stage, h)
+        if not h.active:
+            plants[spec.name] = Plant(spec, linear)
+            continue
+        effects = Unravel(found.stage.effects)(h.theta[LEAD + 1 :])
+        on = tuple(effects[k] for k in h.active)
+        substeps = found.stage.signals.substeps
+        model = ExtendedPlant(linear, on, lead=h.theta[LEAD], substeps=substeps)
+        plants[spec.name] = Plant(spec, model)
+    body, sensors = ((), ()) if bodily is None else _body(bodily)
+    return Model(plants, records[0].vehicle, body=body, sensors=sensors)
+
+
+def transfer_function(stage: Stage, h: Hypothesis) -> TransferFunction:
+    """The linear plant of a hypothesis, in seconds."""
+    powers = stage.pace ** np.arange(1, POLES + 1)
+    a, b = h.theta[:POLES] * powers, h.theta[POLES : 2 * POLES] * powers
+    den = np.concatenate([[1.0], a[: h.poles]])
+    return TransferFunction(b[h.poles - 1 - h.zeros : h.poles], den)
+
+
+def _body(found: BodySearch) -> tuple[tuple[AbstractEffect, ...], tuple]:
+    theta, index = found.final.theta, found.body.index
+    body = []
+    for k, effect in enumerate(VEHICLE):
+        names = list(parameters(effect))
+        if k in found.final.active:
+            for name, i in zip(names, index[k], strict=True):
+                effect = eqx.tree_at(lambda e, name=name: getattr(e, name), effect, theta[i])
+            body.append(_as_arrays(effect))
+    sensors = []
+    known = {e.cause: e for e in SENSOR}
+    for k, cause in enumerate(CAUSES):
+        if k in found.final.active and cause.where == "sensor":
+            effect = type(known[cause.cause])(theta[index[k][0]])
+            sensors.append((cause.channel, effect))
+    return tuple(body), tuple(sensors)
+
+
+def _as_arrays(effect: AbstractEffect) -> AbstractEffect:
+    return type(effect)(**{name: getattr(effect, name) for name in parameters(effect)})

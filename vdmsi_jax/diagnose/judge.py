@@ -1,0 +1,94 @@
+"""What a cause is worth on data that no fit has seen."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from math import factorial
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from .colour import whiten
+from .result import Gain
+
+_BLOCK = 5.0  # s, over which errors count as independent
+
+
+@dataclass(frozen=True, eq=False)
+class Scored:
+    """A channel with and without a cause.
+
+    Attributes:
+        channel: its name.
+        y: (runs, N) measured.
+        before, after: (runs, N) simulated without and with the cause.
+        colour: whitening filter of the model with it.
+    """
+
+    channel: str
+    y: Float[np.ndarray, "R N"]
+    before: Float[np.ndarray, "R N"]
+    after: Float[np.ndarray, "R N"]
+    colour: Float[np.ndarray, " order"]
+
+
+def fit_percent(y: np.ndarray, error: np.ndarray) -> float:
+    """FIT, eq. (3), percent."""
+    spread = float(np.sqrt(np.sum((y - y.mean()) ** 2)))
+    return 100.0 * (1.0 - float(np.sqrt(np.sum(error**2))) / max(spread, 1e-300))
+
+
+def gain_of(scored: Scored, use: Bool[np.ndarray, "R N"], held_out: bool, dt: float) -> Gain:
+    """FIT and squared error before and after, with the standard error of the difference of FIT by
+    leaving out blocks."""
+    y = scored.y[use]
+    before, after = (scored.y - scored.before)[use], (scored.y - scored.after)[use]
+    fits = fit_percent(y, before), fit_percent(y, after)
+    blocks = max(2, min(60, int(use.sum() * dt / _BLOCK)))
+    label = np.arange(y.size) * blocks // y.size
+    kept = [label != b for b in range(blocks)]
+    changes = np.array([fit_percent(y[k], after[k]) - fit_percent(y[k], before[k]) for k in kept])
+    se = float(np.sqrt((blocks - 1) / blocks * np.sum((changes - changes.mean()) ** 2)))
+    mse = float(np.mean(before**2)), float(np.mean(after**2))
+    return Gain(scored.channel, *fits, se, *mse, held_out=held_out)
+
+
+def confirmed(scored: Scored, use: Bool[np.ndarray, "R N"]) -> float:
+    """Twice the log-likelihood that the cause gains on data that no fit has seen."""
+    energies = []
+    for simulated in (scored.before, scored.after):
+        e = np.where(use, scored.y - simulated, 0.0)
+        white = whiten(e[None], scored.colour[None])[0][use]
+        energies.append(float(np.mean(white**2)))
+    return float(use.sum()) * float(np.log(energies[0] / max(energies[1], 1e-300)))
+
+
+def shapley(
+    players: Sequence[str], worth: Callable[[frozenset[str]], float]
+) -> dict[str, float]:
+    """Shapley values: the mean over all orders of what each adds to a coalition.
+
+    Args:
+        players: names.
+        worth: of a frozenset of names.
+
+    Source: Shapley, A value for n-person games (1953).
+    """
+    n, values = len(players), {}
+    known = {}
+
+    def of(coalition):
+        if coalition not in known:
+            known[coalition] = worth(coalition)
+        return known[coalition]
+
+    for player in players:
+        others = [p for p in players if p != player]
+        total = 0.0
+        for size in range(n):
+            weight = factorial(size) * factorial(n - size - 1) / factorial(n)
+            for group in combinations(others, size):
+                coalition = frozenset(group)
+                total += weight * (of(coalition | {player}) - of(coalition))
+        values[player] = total
+    return values

@@ -1,0 +1,226 @@
+"""From vectors to words: a cause with its parameters as the contract names them."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .body import CAUSES, Body
+from .body_search import BodyFinding, BodyFit, BodySearch
+from .refit import Refit
+from .result import Estimate, Rival
+from .search import MARGIN, Finding, Search
+from .stage import Slot
+
+_FORMS = {
+    ("at", "command"): "of the command",
+    ("at", "response"): "of the response",
+    ("by", "command"): "by the sign of the command",
+    ("by", "effort"): "by the sign of the effort",
+    ("against", "rate"): "against the motion of the response",
+    ("against", "response"): "against the speed itself",
+    ("by", "signed"): "by the other command",
+    ("by", "size"): "by the size of the other command",
+    ("by", "square"): "by the square of the other command",
+    ("by", "slowed"): "in proportion to both commands",
+    ("by", "speed"): "by the speed",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Named:
+    """A cause on its way to a finding.
+
+    Attributes:
+        cause, where, channel, form, parameters: as in `Finding`.
+        statistic: twice the log-likelihood; `freedom` of its parameters.
+        rivals: as in `Finding`.
+        search, number: the stage that found it and its number there; None for one of the body, whose
+            number is `body`.
+        promised: what the screen had predicted of the statistic.
+    """
+
+    cause: str
+    where: str
+    channel: str | None
+    form: str
+    parameters: Mapping[str, Estimate]
+    statistic: float
+    freedom: int
+    rivals: tuple[Rival, ...]
+    promised: float
+    search: Search | None = None
+    finding: Finding | None = None
+    body: BodyFinding | None = None
+
+    @property
+    def label(self) -> str:
+        """`cause (where)`."""
+        place = self.where if self.channel is None else f"{self.where} {self.channel}"
+        return f"{self.cause} ({place})"
+
+
+def of_stage(search: Search, units: tuple[str, str], twin: str | None) -> list[Named]:
+    """The causes of an actuator.
+
+    Args:
+        search: what was found.
+        units: of command and response.
+        twin: channel whose sensor may have caused the same, if there is one.
+    """
+    found = []
+    for finding in search.findings:
+        slot = search.stage.slots[finding.number]
+        rivals = [
+            Rival(search.stage.slots[k].cause, search.stage.slots[k].where, lack, lack < MARGIN)
+            for k, lack in finding.others
+        ]
+        found.append(
+            Named(
+                slot.cause, slot.where, None, form_of(slot), estimates(slot, search.final, search, units),
+                finding.gain, len(slot.index), _one_each(rivals), finding.promised, search, finding,
+            )  # fmt: skip
+        )
+    return found
+
+
+def of_body(search: BodySearch) -> list[Named]:
+    """The causes of the body, the road and the sensors."""
+    found = []
+    for finding in search.findings:
+        cause = CAUSES[finding.number]
+        index = search.body.index[finding.number]
+        std = _stds(search.final)
+        parameters = {
+            name: Estimate(float(search.final.theta[i]), std.get(i, math.nan), unit)
+            for name, i, unit in zip(cause.names, index, cause.units, strict=True)
+        }
+        rivals = [
+            Rival(CAUSES[k].cause, CAUSES[k].where, lack, lack < MARGIN) for k, lack in finding.others
+        ]
+        found.append(
+            Named(
+                cause.cause, cause.where, cause.channel, "", parameters, finding.gain, len(index),
+                _one_each(rivals), finding.promised, body=finding,
+            )  # fmt: skip
+        )
+    return found
+
+
+def _stds(fit: BodyFit) -> dict[int, float]:
+    return {
+        i: float(np.sqrt(max(fit.covariance[k, k], 0.0)))
+        for k, i in enumerate(fit.free)
+        if k < len(fit.covariance)
+    }
+
+
+def _one_each(rivals: Sequence[Rival]) -> tuple[Rival, ...]:
+    """The best form of each rival."""
+    best: dict[tuple[str, str], Rival] = {}
+    for rival in sorted(rivals, key=lambda r: r.deficit):
+        best.setdefault((rival.cause, rival.where), rival)
+    return tuple(best.values())
+
+
+def form_of(slot: Slot) -> str:
+    """Which of its forms a cause has, in words."""
+    for (name, value), words in _FORMS.items():
+        if getattr(slot.effect, name, None) == value:
+            return words
+    return ""
+
+
+def estimates(
+    slot: Slot, fit: Refit, search: Search, units: tuple[str, str]
+) -> dict[str, Estimate]:
+    """The parameters of a cause by the contract's names, with units."""
+    free = list(fit.hypothesis.free(search.stage))
+    told: dict[str, Estimate] = {}
+    for j, (name, i, known) in enumerate(zip(slot.names, slot.index, slot.known, strict=True)):
+        variance = fit.covariance[free.index(i), free.index(i)] if i in free else math.nan
+        std = float(np.sqrt(variance)) if variance >= 0 else math.nan
+        value, std = known.tell(float(fit.hypothesis.theta[i]), std)
+        told[name] = Estimate(value, std, told_unit(slot, j, units))
+    return _renamed(slot.cause, told)
+
+
+def _renamed(cause: str, told: dict[str, Estimate]) -> dict[str, Estimate]:
+    if cause == "saturation":
+        lower = told["lower"]
+        told["lower"] = replace(lower, value=-lower.value)
+        return {k: e for k, e in told.items() if math.isfinite(e.value)}
+    if cause == "rate_limit":
+        return {k: e for k, e in told.items() if math.isfinite(e.value)}
+    if cause == "periodic_disturbance":
+        s, c = told["sine"], told["cosine"]
+        size = math.hypot(s.value, c.value)
+        std = math.sqrt((s.std * s.value) ** 2 + (c.std * c.value) ** 2) / max(size, 1e-300)
+        phase = math.atan2(c.value, s.value)
+        spread = math.sqrt((s.std * c.value) ** 2 + (c.std * s.value) ** 2) / max(size**2, 1e-300)
+        return {
+            "frequency": told["frequency"],
+            "amplitude": Estimate(size, std, s.unit),
+            "phase": Estimate(phase, spread, "rad"),
+        }
+    if cause == "resonance":
+        return {"frequency": told["frequency"], "damping": told["damping"], "weight": told["share"]}
+    if cause == "coulomb_friction":
+        level, more = told["level"], told["breakaway"]
+        if more.value <= 0.0:
+            return {"level": level}
+        return {"level": level, "static": Estimate(level.value + more.value, more.std, level.unit)}
+    return told
+
+
+def merged(causes: list[Named], body: Body | None) -> list[Named]:
+    """Causes of actuators and of the body, with those that are one sensor's told as such: a delay or
+    an offset of an actuator that the body takes back is its sensor's."""
+    kept = list(causes)
+    for channel, plant in (("delta", "steering"), ("v", "powertrain")):
+        for word, actuator, parameter in (
+            ("sensor_delay", "transport_delay", "delay"),
+            ("sensor_bias", "offset", "bias"),
+        ):
+            own = _first(kept, actuator, plant)
+            seen = next((c for c in kept if c.cause == word and c.channel == channel), None)
+            sign = 1.0
+            if seen is None and word == "sensor_bias" and channel == "delta":
+                seen, sign = _first(kept, "offset", "vehicle"), -1.0
+            if own is None or seen is None:
+                continue
+            a, b = own.parameters[parameter], seen.parameters[parameter]
+            near = abs(a.value - sign * b.value) < max(0.35 * abs(a.value), 4.0 * (a.std + b.std))
+            if not near:
+                continue
+            joint = replace(
+                own, cause=word, where="sensor", channel=channel, body=seen.body,
+                statistic=own.statistic + seen.statistic,
+                rivals=(Rival(actuator, plant, seen.statistic, False),
+                        *(r for r in own.rivals if r.cause != word)),
+            )  # fmt: skip
+            kept = [joint if c is own else c for c in kept if c is not seen]
+    return kept
+
+
+def _first(causes: Sequence[Named], cause: str, where: str) -> Named | None:
+    return next((c for c in causes if (c.cause, c.where) == (cause, where)), None)
+
+
+def told_unit(slot: Slot, j: int, units: tuple[str, str]) -> str:
+    """Unit of a parameter as it is told, from those of command and response."""
+    unit = slot.known[j].unit
+    if slot.known[j].shown == "inverse":
+        unit = unit.removeprefix("1/").strip("()")
+    at = getattr(slot.effect, "at", None)
+    if at == "response":
+        unit = unit.replace("command", "response")
+    if at == "command":
+        unit = unit.replace("response", "command")
+    return unit.replace("command", units[0]).replace("response", units[1])
+
+
+def without(search: Search, finding: Finding) -> Refit:
+    """The model without a cause: the best plant without any, where it is the only one."""
+    return search.baseline if len(search.findings) == 1 else finding.less

@@ -1,0 +1,132 @@
+"""The path that a model drives, for the translation error that a cause costs."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from .body import travel
+from .body_search import BodySearch
+from .naming import Named, without
+from .prepare import Runs
+from .refit import Hypothesis
+from .result import Path
+from .search import Search
+
+
+class Road:
+    """Open-loop drives of the held-out runs, begun at the measured pose.
+
+    Args:
+        runs: the logs side by side.
+        searches: by measured channel (`v`, `delta`).
+        bodily: what was found in the body.
+        angle: (runs, N) measured road-wheel angle, for where no steering was identified.
+    """
+
+    def __init__(
+        self, runs: Runs, searches: Mapping[str, Search], bodily: BodySearch, angle: np.ndarray
+    ):
+        self.runs, self.searches, self.bodily = runs, searches, bodily
+        self.measured = {"v": runs.channel("v"), "delta": angle}
+        held = runs.held()
+        self.begin = [int(np.argmax(h)) if h.any() else 0 for h in held]
+        self.judges = [i for i, h in enumerate(held) if h.any()] or list(range(len(held)))
+        self.stops = [b - a for a, b in zip(runs.starts, runs.stops, strict=True)]
+        self.pose = np.stack([runs.channel(c) for c in ("x", "y", "psi")], axis=-1)
+        self.pose[..., 2] = np.unwrap(self.pose[..., 2], axis=1)
+        self.baseline = self._drive(
+            {c: s.baseline.y for c, s in searches.items()}, bodily.plain.theta
+        )
+        self.extended = self._drive({c: s.final.y for c, s in searches.items()}, bodily.final.theta)
+        self.extended_mean = self.mean(self.extended)
+
+    def _drive(self, responses: Mapping[str, np.ndarray], theta: np.ndarray) -> np.ndarray:
+        """(runs, N, 3) poses; each begins at the measured pose where its held-out part begins."""
+        v, delta = (responses.get(c, self.measured[c]) for c in ("v", "delta"))
+        _, x, y, psi = travel(self.bodily.body, theta, v, delta)
+        found = np.full(self.pose.shape, np.nan)
+        for i in self.judges:
+            b = self.begin[i]
+            turn = self.pose[i, b, 2] - psi[i, b]
+            c, s = np.cos(turn), np.sin(turn)
+            dx, dy = x[i] - x[i, b], y[i] - y[i, b]
+            found[i, b:, 0] = (self.pose[i, b, 0] + c * dx - s * dy)[b:]
+            found[i, b:, 1] = (self.pose[i, b, 1] + s * dx + c * dy)[b:]
+            found[i, b:, 2] = (psi[i] + turn)[b:]
+        return found
+
+    def errors(self, poses: np.ndarray) -> np.ndarray:
+        """Translation errors of the held-out runs, m, one after another."""
+        parts = []
+        for i in self.judges:
+            span = slice(self.begin[i], self.stops[i])
+            parts.append(np.hypot(*(poses[i, span, :2] - self.pose[i, span, :2]).T))
+        return np.concatenate(parts)
+
+    def mean(self, poses: np.ndarray) -> float:
+        """Mean translation error, m."""
+        return float(np.mean(self.errors(poses)))
+
+    def ate(self) -> dict[str, dict[str, float]]:
+        """Max, mean and rmse of baseline and model."""
+        found = {}
+        for name, poses in (("baseline", self.baseline), ("model", self.extended)):
+            e = self.errors(poses)
+            rmse = float(np.sqrt(np.mean(e**2)))
+            found[name] = {"max": float(e.max()), "mean": float(e.mean()), "rmse": rmse}
+        return found
+
+    def without(self, cause: Named) -> float:
+        """Mean translation error of the model without a cause, refitted, m."""
+        responses = {c: s.final.y for c, s in self.searches.items()}
+        theta = self.bodily.final.theta
+        if cause.search is not None and cause.finding is not None:
+            channel = next(c for c, s in self.searches.items() if s is cause.search)
+            responses[channel] = without(cause.search, cause.finding).y
+        if cause.body is not None:
+            theta = cause.body.less.theta
+        return self.mean(self._drive(responses, theta))
+
+    def with_only(self, causes: list[Named]) -> float:
+        """Mean translation error of the final model with only some of its causes on, m."""
+        responses = {}
+        theta = self.bodily.final.theta.copy()
+        bodily = {c.body.number for c in causes if c.body is not None}
+        for k in self.bodily.final.active:
+            if k not in bodily:
+                theta[list(self.bodily.body.index[k])] = 0.0
+        for channel, own in self.searches.items():
+            kept = tuple(
+                c.finding.number for c in causes if c.search is own and c.finding is not None
+            )
+            responses[channel] = only(own, kept)
+        return self.mean(self._drive(responses, theta))
+
+    def floor(self) -> float:
+        """Mean translation error of the final body on the measured speed and angle, m."""
+        return self.mean(self._drive({}, self.bodily.final.theta))
+
+    def paths(self) -> list[Path]:
+        """The held-out drives, for pictures."""
+        made = []
+        for i in self.judges:
+            span = slice(self.begin[i], self.stops[i])
+            t = self.runs.time()[i, span]
+            poses = (p[i, span] for p in (self.pose, self.baseline, self.extended))
+            made.append(Path(self.runs.names[i], t, *poses))
+        return made
+
+
+def only(search: Search, kept: tuple[int, ...]) -> np.ndarray:
+    """Response of the final model of an actuator with only some of its causes on."""
+    h: Hypothesis = search.final.hypothesis
+    if set(kept) == set(h.active):
+        return search.final.y
+    theta = h.theta.copy()
+    for number in h.active:
+        if number not in kept:
+            index = list(search.stage.slots[number].index)
+            theta[index] = search.stage.off[index]
+    return search.stage.simulate(theta[None])[0]
+
+

@@ -1,0 +1,148 @@
+"""Is there structure left? Tests on what a model leaves that need no hypothesis.
+
+Three of them: does a regression on inputs, states and time, judged on blocks that it has not seen,
+explain more of the innovations than it does of the same innovations shifted in time; is the energy of
+short windows beyond what their spread allows (drop-outs, knocks); and is the error on data held out
+larger than on those fitted.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from .result import Unexplained
+
+_SHIFTS = 80
+_SURE = 5.0  # standard deviations of the shifted ones
+_WORTH = 0.01  # share of the innovations' variance below which structure is not spoken of
+_BURST = 9.0
+_WORSE = 1.35
+_BLOCKS = 8
+_WINDOW = 0.5  # s
+
+
+def structure(
+    channel: str,
+    innovations: Float[np.ndarray, "R N"],
+    mask: Bool[np.ndarray, "R N"],
+    held_out: Bool[np.ndarray, "R N"],
+    regressors: Mapping[str, Float[np.ndarray, "R N"]],
+    runs: tuple[str, ...],
+    dt: float,
+    seed: int = 0,
+) -> list[Unexplained]:
+    """What is left in a channel, by the three tests; empty if nothing is.
+
+    Args:
+        channel: its name.
+        innovations: whitened residual of the model.
+        mask: samples that were fitted; `held_out`: those that were not.
+        regressors: what structure may depend on.
+        runs: names of the runs.
+        dt: sample period, s.
+        seed: of the random features.
+    """
+    found = []
+    dependent = _dependence(innovations, mask, regressors, seed)
+    if dependent is not None:
+        share, names = dependent
+        found.append(Unexplained(channel, share, names, (), "it depends on inputs and states"))
+    bursts = _bursts(innovations, mask | held_out, runs, dt)
+    if bursts is not None:
+        share, when = bursts
+        found.append(Unexplained(channel, share, ("t",), when, "energy of short windows"))
+    worse = _worse(innovations, mask, held_out, dt)
+    if worse is not None:
+        found.append(Unexplained(channel, worse, ("run",), (), "the error on data held out is larger"))
+    return found
+
+
+def _dependence(e, mask, regressors, seed) -> tuple[float, tuple[str, ...]] | None:
+    names = [n for n, x in regressors.items() if np.std(x[mask]) > 1e-9 * (1 + np.abs(x[mask]).max())]
+    if not names or mask.sum() < 40 * _BLOCKS:
+        return None
+    scaled = {}
+    for n in names:
+        x = regressors[n]
+        middle, spread = np.mean(x[mask]), np.std(x[mask])
+        scaled[n] = np.clip((x - middle) / spread, -4, 4)
+    share, sure = _judge(e, mask, _features(scaled, names, seed))
+    if share < _WORTH or sure < _SURE:
+        return None
+    alone = []
+    for n in names:
+        own, certain = _judge(e, mask, _features(scaled, [n], seed))
+        if certain > _SURE and own > 0.3 * share:
+            alone.append((own, n))
+    return share, tuple(n for _, n in sorted(alone, reverse=True)) or tuple(names)
+
+
+def _features(scaled: Mapping[str, np.ndarray], names: list[str], seed: int) -> np.ndarray:
+    """Powers of each regressor, and random cosines of all together."""
+    rng = np.random.default_rng(seed)
+    stack = np.stack([scaled[n] for n in names])
+    powers = [x**k for x in stack for k in (1, 2, 3)] + [np.sign(x) for x in stack]
+    weights = rng.normal(size=(24, len(names)))
+    phases = rng.uniform(0, 2 * np.pi, 24)
+    waves = np.cos(np.tensordot(weights, stack, 1) + phases[:, None, None])
+    return np.concatenate([np.stack(powers), waves])
+
+
+def _judge(e, mask, features) -> tuple[float, float]:
+    """Share of the variance that a ridge regression explains on blocks that it has not seen, and by
+    how many standard deviations that is beyond the innovations shifted in time."""
+    rows, X = e[mask], features[:, mask].T
+    X = (X - X.mean(axis=0)) / (X.std(axis=0) + 1e-12)
+    n = len(rows)
+    block = np.arange(n) * _BLOCKS // n
+    rng = np.random.default_rng(1)
+    shifts = [0, *rng.integers(n // 10, n - n // 10, _SHIFTS)]
+    targets = np.stack([np.roll(rows, s) for s in shifts], axis=1)
+    targets = targets - targets.mean(axis=0)
+    grams = [X[block == b].T @ X[block == b] for b in range(_BLOCKS)]
+    slopes = [X[block == b].T @ targets[block == b] for b in range(_BLOCKS)]
+    gram, slope = sum(grams), sum(slopes)
+    error = np.zeros(targets.shape[1])
+    for b in range(_BLOCKS):
+        ridge = 0.02 * n * np.eye(X.shape[1])
+        shares = np.linalg.solve(gram - grams[b] + ridge, slope - slopes[b])
+        error += np.sum((targets[block == b] - X[block == b] @ shares) ** 2, axis=0)
+    explained = 1.0 - error / np.sum(targets**2, axis=0)
+    spread = max(float(np.std(explained[1:])), 1e-6)
+    return float(explained[0]), float((explained[0] - np.mean(explained[1:])) / spread)
+
+
+def _bursts(e, known, runs, dt):
+    """Windows whose energy is beyond the spread of the others."""
+    length = max(4, round(_WINDOW / dt))
+    energies, places = [], []
+    for r, (row, use) in enumerate(zip(e, known, strict=True)):
+        for start in range(0, len(row) - length + 1, length):
+            if use[start : start + length].all():
+                energies.append(float(np.mean(row[start : start + length] ** 2)))
+                places.append((r, start))
+    if len(energies) < 20:
+        return None
+    values = np.array(energies)
+    logs = np.log(np.maximum(values, 1e-300))
+    middle = np.median(logs)
+    spread = max(1.4826 * float(np.median(np.abs(logs - middle))), np.sqrt(2.0 / length))
+    wild = np.flatnonzero(logs > middle + max(_BURST * spread * 0.5, 1.6))
+    if wild.size == 0:
+        return None
+    excess = float(np.sum(values[wild] - np.median(values)) / np.sum(values))
+    order = wild[np.argsort(-values[wild])][:5]
+    when = tuple(
+        (runs[places[k][0]], places[k][1] * dt, (places[k][1] + length) * dt) for k in order
+    )
+    return (excess, when) if excess > 2 * _WORTH else None
+
+
+def _worse(e, mask, held_out, dt):
+    settled = held_out.copy()
+    settled[:, : round(2.0 / dt)] = False
+    if settled.sum() < 200 or mask.sum() < 200:
+        return None
+    ratio = float(np.mean(e[settled] ** 2) / np.mean(e[mask] ** 2))
+    return 1.0 - 1.0 / ratio if ratio > _WORSE else None

@@ -1,0 +1,67 @@
+"""The answer in words that an engineer acts on."""
+
+from .result import Diagnosis, Finding
+
+
+def number(value: float) -> str:
+    """Three significant digits."""
+    return f"{value:.3g}"
+
+
+def title(cause: str) -> str:
+    """`gain_nonlinearity` -> `gain nonlinearity`."""
+    return cause.replace("_", " ")
+
+
+def sentence(f: Finding) -> str:
+    """What it is, how large, what it costs, and what else it could be."""
+    place = f"{f.channel} sensor" if f.channel else f.where
+    sizes = []
+    for name, e in list(f.parameters.items())[:3]:
+        unit = "" if e.unit == "1" else f" {e.unit}"
+        spread = f" ± {e.std:.2g}" if e.std == e.std else ""
+        sizes.append(f"{title(name)} {number(e.value)}{spread}{unit}")
+    form = f" {f.form}" if f.form else ""
+    said = [f"{place[:1].upper()}{place[1:]}: {title(f.cause)}{form}, {', '.join(sizes)}."]
+    g = f.gain
+    where = "on held-out driving" if g.held_out else "on the fitted data"
+    said.append(f"FIT of {g.channel} {where} rises from {g.before:.1f} to {g.after:.1f} % with it.")
+    if g.ate_before is not None and g.ate_after is not None:
+        cost = g.ate_before - g.ate_after
+        if cost > 0.01 * g.ate_before:
+            said.append(
+                f"It costs {number(cost)} m of {number(g.ate_before)} m of mean translation error."
+            )
+    close = [r for r in f.rivals if r.indistinguishable]
+    if close:
+        names = " or ".join(title(r.cause) for r in close)
+        said.append(f"{names[:1].upper()}{names[1:]} cannot be told apart from these logs;")
+        said[-1] += f" to separate them: {f.separating_experiment}."
+    out = [r for r in f.rivals if not r.indistinguishable][:2]
+    if out:
+        names = " and ".join(title(r.cause) for r in out)
+        said.append(f"Ruled out: {names}.")
+    return " ".join(said)
+
+
+def summary(d: Diagnosis) -> str:
+    """The whole answer in a few sentences."""
+    if d.verdict == "no_effect":
+        said = ["The identified plants explain these logs to the noise; no cause stands out."]
+    elif d.findings:
+        said = [f.sentence for f in d.findings]
+    else:
+        said = ["There is structure that no cause of the library accounts for."]
+    if d.ate is not None and d.findings:
+        before, after = d.ate["baseline"]["mean"], d.ate["model"]["mean"]
+        said.append(
+            f"Mean translation error on the held-out drive: {number(before)} m without, "
+            f"{number(after)} m with the causes."
+        )
+    if d.minor:
+        names = ", ".join(title(f.cause) for f in d.minor)
+        said.append(f"Significant, yet worth next to nothing: {names}.")
+    for u in d.unexplained[:3]:
+        on = ", ".join(u.depends_on)
+        said.append(f"Unexplained in {u.channel}: {100 * u.fraction:.1f} % of what remains ({on}).")
+    return " ".join(said)
