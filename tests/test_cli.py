@@ -191,20 +191,25 @@ EXTENDED = {
     "schema": "vdmsi.model/1",
     "vehicle": {"l_f": 1.75, "l_r": 1.20},
     "plants": {
-        "powertrain": {"input": "v_cmd", "output": "v", "num": [2.5], "den": [1.0, 2.5]},
+        "powertrain": {
+            "input": "v_cmd",
+            "output": "v",
+            "num": [2.21, 143.9],
+            "den": [1.0, 18.15, 143.2],
+        },
         "steering": {
             "input": "delta_cmd",
             "output": "delta",
-            "num": [9.3],
-            "den": [1.0, 10.0],
+            "num": [15.5],
+            "den": [1.0, 16.667],
             "effects": [
                 {"cause": "transport_delay", "parameters": {"delay": 0.045}},
-                {"cause": "backlash", "parameters": {"gap": 0.02}},
+                {"cause": "backlash", "parameters": {"gap": 0.001}},
             ],
         },
     },
-    "body": [{"cause": "understeer", "parameters": {"gradient": 0.002}}],
-    "sensors": [{"channel": "v", "cause": "sensor_delay", "parameters": {"delay": 0.02}}],
+    "body": [{"cause": "understeer", "parameters": {"gradient": 0.0002}}],
+    "sensors": [{"channel": "v", "cause": "sensor_bias", "parameters": {"bias": 0.3}}],
 }
 
 
@@ -216,12 +221,14 @@ def test_simulate_takes_a_model_with_effects(vdmsi, tmp_path):
     assert "extended" in done.stdout
     run = json.loads((out / "simulation.json").read_text())["runs"][0]
     assert run["channels"] == run["extended"]["channels"]
-    # the truth has this delay, this gain and no play
+    # the truth has this lag, gain and delay, and hardly any play
     assert run["extended"]["channels"]["delta"]["fit"] > run["vdm_si"]["channels"]["delta"]["fit"]
-    assert len({run[name]["ate"]["mean"] for name in ("vdm", "vdm_si", "extended")}) == 3
+    assert run["extended"]["ate"]["mean"] < 0.5 * run["vdm_si"]["ate"]["mean"]
+    # but its speed sensor is right, so what this one adds is wrong
+    assert run["extended"]["channels"]["v"]["fit"] < run["vdm_si"]["channels"]["v"]["fit"] - 10.0
     assert np.loadtxt(out / "bend.extended.tum").shape[1] == 8
     html = (out / "report.html").read_text()
-    assert "VDM and VDM-SI and extended" in html and html.count("<svg") == 3
+    assert "VDM, VDM-SI and extended" in html and html.count("<svg") == 3
 
 
 def test_a_model_with_a_wrong_effect_is_refused(vdmsi, tmp_path):

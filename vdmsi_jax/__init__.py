@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from .model_file import load_model as load_model
     from .model_file import save_model as save_model
     from .models.bicycle import Bicycle as Bicycle
+    from .models.extended_plant import ExtendedPlant as ExtendedPlant
     from .models.transfer_function import TransferFunction as TransferFunction
     from .models.vehicle import SpeedInput as SpeedInput
     from .models.vehicle import Vehicle as Vehicle
@@ -63,6 +64,7 @@ _HOMES = {
     "metrics": ("ate", "fit", "mse"),
     "model_file": ("Model", "load_model", "save_model"),
     "models.bicycle": ("Bicycle",),
+    "models.extended_plant": ("ExtendedPlant",),
     "models.transfer_function": ("TransferFunction",),
     "models.vehicle": ("SpeedInput", "Vehicle", "stack_vehicles"),
     "simulate": ("Commands", "Start", "Trajectory", "simulate", "simulate_many"),

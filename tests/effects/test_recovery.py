@@ -40,7 +40,8 @@ class Case:
     """A cause in the plain loop, and what a fit must find.
 
     Attributes:
-        within: of each parameter, replaces `WITHIN`; infinite where it is not judged.
+        within: of each parameter (absolute where it is zero), replaces `WITHIN`; infinite where it
+            is not judged.
         lift: added to the commands.
         second_order: whether it is also looked for behind a lag before the one in which it acts.
         ragged: whether a response that sticks makes the likelihood ragged: the best fit from all
@@ -85,9 +86,12 @@ CASES = {
     "RateLimit response": Case(
         plain.motor_limit(5.0, 4.0, TAU), (1 / 5.0, 1 / 4.0), second_order=True
     ),
-    # what holds it more at rest is seen only in the few reversals
     "CoulombFriction rate": Case(
-        plain.dry_friction(0.42, 0.66), (0.42, 0.24), (WITHIN, 0.15), second_order=True, ragged=True
+        plain.dry_friction(0.42, 0.42), (0.42, 0.0), (WITHIN, 0.05), second_order=True, ragged=True
+    ),
+    # a break loose is early or late by whole sub-steps: many optima, and few events that tell
+    "CoulombFriction rate, held by more": Case(
+        plain.dry_friction(0.42, 0.66), (0.42, 0.24), (0.07, 0.25), second_order=True, ragged=True
     ),
     # a speed at rest creeps by up to a hundredth of the range, where the loop's is held
     "CoulombFriction response": Case(
@@ -101,6 +105,11 @@ CASES = {
 
 NAMES = [label(effect) for effect in ACTUATOR]
 RUNS_OF_CASES = [(name, 1) for name in CASES] + [(n, 2) for n, c in CASES.items() if c.second_order]
+
+
+def number_of(name: str) -> int:
+    """Of the effect of a case; behind a comma the case is told from another one of the effect."""
+    return NAMES.index(name.split(",")[0])
 
 
 @cache
@@ -157,7 +166,7 @@ def starts_of(stage: Stage, slot: Slot, case: Case, poles: int) -> Iterator[np.n
 def found(name: str, poles: int) -> Refit:
     """The best fit."""
     case, stage = CASES[name], stage_of(name, poles)
-    number = NAMES.index(name)
+    number = number_of(name)
     if case.screened:
         (plant,) = refit(stage, [Hypothesis(poles, 0, (), plant_of(stage, poles))])
         starts = [c.theta for c in screen(stage, plant) if c.number == number]
@@ -168,13 +177,13 @@ def found(name: str, poles: int) -> Refit:
 
 
 def test_every_effect_has_a_case():
-    assert set(CASES) == set(NAMES)
+    assert {number_of(name) for name in CASES} == set(range(len(ACTUATOR)))
 
 
 @pytest.mark.parametrize(("name", "poles"), RUNS_OF_CASES)
 def test_the_size_is_found(name, poles):
     case, fit = CASES[name], found(name, poles)
-    slot = stage_of(name, poles).slots[NAMES.index(name)]
+    slot = stage_of(name, poles).slots[number_of(name)]
     truth = np.array(case.truth)
     size = np.abs(truth)
     if len(set(slot.known)) == 1:  # a profile

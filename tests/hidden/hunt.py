@@ -97,10 +97,14 @@ def read(file: Path) -> list[dict]:
 
 
 def append(file: Path, line: dict) -> None:
-    """Append a line in one write, so that processes that share the file do not mix theirs."""
+    """Append a line in one write, so that processes that share the file do not mix theirs; it does
+    not continue one that was cut short."""
     row = json.dumps(line, allow_nan=True) + "\n"
-    handle = os.open(file, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+    handle = os.open(file, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
     try:
+        size = os.fstat(handle).st_size
+        if size and os.pread(handle, 1, size - 1) != b"\n":
+            row = "\n" + row
         os.write(handle, row.encode())
         os.fsync(handle)
     finally:
@@ -108,7 +112,7 @@ def append(file: Path, line: dict) -> None:
 
 
 def code_version() -> str:
-    """A word for the package's code as it is on disk: figures of different words do not mix well."""
+    """A word for the package's code as it is on disk, to tell which lines belong together."""
     package = Path(__file__).resolve().parents[2] / "vdmsi_jax"
     sources = b"".join(path.read_bytes() for path in sorted(package.rglob("*.py")))
     return hashlib.sha1(sources).hexdigest()[:10]

@@ -1,6 +1,6 @@
-"""What is hunted: the cases of the benchmark, in an order of which every beginning is a fair sample.
+"""What is hunted: the cases, in an order of which every beginning is a fair sample.
 
-`full` holds `small`, and `small` most of `tiny`, so that what one has done the other need not do.
+`full` holds `small`, so that what one has done the other need not do.
 """
 
 from dataclasses import dataclass

@@ -104,7 +104,8 @@ def bar(whole: Sequence[Line]) -> list[tuple[str, str, str]]:
         ("", "predicted gain within 10 % of the realised one, small causes", f"{near}; ratio: "
          f"{promised[0]:.2f}, {promised[1]:.2f}, {promised[2]:.2f} at 10, 50, 90 % "
          f"(n = {n_small})"),
-        ("5", "both of two causes of λ₀ ≥ 50 each ≥ 90 %", str(rate(all(score.found(x)) for x in loud))),
+        ("5", "both of two causes of λ₀ ≥ 50 each ≥ 90 %", str(
+            rate(all(score.found(x)) for x in loud))),
         ("", "at least one of them", str(rate(any(score.found(x)) for x in loud))),
         ("", "a wrong name alone beside or instead of them", _wrong(pairs)),
         ("6", "outside causes: \"unexplained\" ≥ 95 %", str(rate(map(score.flagged, outside)))),
@@ -112,7 +113,8 @@ def bar(whole: Sequence[Line]) -> list[tuple[str, str, str]]:
         ("", "outside causes: a wrong name alone and not flagged", _wrong(
             [x for x in outside if not score.flagged(x)], len(outside))),
         ("", "clean logs: false \"unexplained\" ≤ 2 %", str(rate(map(score.flagged, clean)))),
-        ("7", "every \"A or B\" says what separates them", str(rate(f["experiment"] for f in opened))),
+        ("7", "every \"A or B\" says what separates them", str(
+            rate(f["experiment"] for f in opened))),
         ("8", "95 % intervals cover 93–97 % (same formula)", str(rate(abs(z) <= 1.96))),
         ("", "root mean square of error over std (1)", _rms(z)),
         ("", "relative error of parameters, same formula, middle size", _median(middle)),
@@ -160,7 +162,9 @@ def _there(values) -> list[float]:
 
 
 def _rms(z: np.ndarray) -> str:
-    return f"{math.sqrt(float(np.mean(z**2))):.2f}, median |z| {np.median(abs(z)):.2f} (0.67)" if z.size else "none"  # fmt: skip
+    if not z.size:
+        return "none"
+    return f"{math.sqrt(float(np.mean(z**2))):.2f}, median |z| {np.median(abs(z)):.2f} (0.67)"
 
 
 def _median(values: Sequence[float], form: str = "{:.3f}") -> str:
@@ -289,7 +293,7 @@ def confusion(singles: Sequence[Line]) -> Figure:
     counts = np.array([[table[a, b] for b in columns] for a in rows], float)
     shares = counts / np.maximum(counts.sum(1, keepdims=True), 1.0)
     figure = Figure(
-        figsize=(2.6 + 0.3 * len(columns), 2.4 + 0.28 * len(rows)), layout="constrained"
+        figsize=(max(7.5, 2.6 + 0.3 * len(columns)), 2.4 + 0.28 * len(rows)), layout="constrained"
     )
     axes = figure.subplots()
     axes.imshow(shares, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")

@@ -1,4 +1,5 @@
-"""Measured, VDM and VDM-SI side by side: responses, paths, and where they part."""
+"""Measured, VDM, VDM-SI and the extended model side by side: responses, paths, and where they
+part."""
 
 from ._compare import compare as compare
 from ._compare import identified as identified

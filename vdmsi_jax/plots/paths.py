@@ -40,17 +40,17 @@ def translation_error(comparison: Comparison) -> Figure:
     """Distance between predicted and measured position over time: of the whole run, and of windows
     that start anew at the measured pose."""
     record = comparison.record
-    figure = Figure(figsize=(WIDTH, 4.4))
+    figure = Figure(figsize=(WIDTH, 4.8))
     whole, windows = figure.subplots(2, 1, sharex=True)
     floor = {} if comparison.floor is None else {comparison.floor.name: comparison.floor}
     for name, prediction in (floor | dict(comparison.predictions)).items():
         for axes, errors in ((whole, prediction.whole), (windows, prediction.windows)):
             if errors is not None:
                 t, y = with_gaps(record, errors.translation)
-                label = f"{name}, mean {errors.ate['mean']:.3g} m"
+                label = f"{name}, {errors.ate['mean']:.3g} m"
                 axes.plot(*envelope(t, y), color=colour(name), label=label)
-    whole.set_title("whole run")
-    windows.set_title(f"windows of {comparison.window:g} s")
+    whole.set_title("whole run, and its mean", pad=20)
+    windows.set_title(f"windows of {comparison.window:g} s, and their mean", pad=20)
     windows.set_xlabel("time t (s)")
     for axes in (whole, windows):
         axes.set_ylabel("translation error (m)")

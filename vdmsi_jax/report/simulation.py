@@ -15,7 +15,7 @@ def simulation_page(comparisons: Sequence[Comparison]) -> Page:
     names = list(comparisons[0].predictions)
     records = [comparison.record for comparison in comparisons]
     return Page(
-        title="Simulation: " + " and ".join(names) + " beside the measurement",
+        title=f"Simulation: {', '.join(names[:-1])} and {names[-1]} beside the measurement",
         lead="On " + ", ".join(record.name for record in records),
         sections=[
             Section("What was read", what_was_read(records)),
