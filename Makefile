@@ -5,7 +5,7 @@ BIN := .venv/bin
 # A file of tests stays in one process, since tests of one file share what they compiled.
 PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
-.PHONY: help demo test test-slow lint format notebooks bench clean
+.PHONY: help demo test test-slow lint format notebooks bench hunt clean
 .DEFAULT_GOAL := help
 
 help:  ## list the targets
@@ -41,6 +41,9 @@ notebooks: .venv/.test  ## run the notebooks in place
 bench: .venv/.bench  ## time this project against its peers, in one run
 	$(BIN)/python -m pip list | grep -iE '^(jax|scipy|numba|control) '
 	for script in benchmarks/*.py; do $(BIN)/python $$script || exit 1; done
+
+hunt: .venv/.test  ## hide every cause in made-up logs and count what is found; goes on where it stopped
+	$(BIN)/python tests/hidden/hunt.py --out docs/hunt
 
 clean:  ## remove the environment and what commands wrote
 	rm -rf .venv out

@@ -1,6 +1,8 @@
 """Off is nothing at all: bit for bit, at every port and for whole responses."""
 
 import inspect
+import itertools
+from dataclasses import replace
 
 import equinox as eqx
 import jax
@@ -48,12 +50,12 @@ def test_a_signal_passes_the_ports_untouched(effect):
         lambda s: (s.t, s.v, s.other, s.distance), beside, replace_fn=lambda x: x[: y.size]
     )
     fine = jnp.asarray(np.repeat(y, beside.substeps))
-    for made in forms(effect):
-        for port in ALONG:
-            into = jnp.asarray(y) if port in ("command", "measured") else fine
-            out = getattr(made, port)(into, beside)
-            assert out.dtype == np.float64
-            np.testing.assert_array_equal(out, into, err_msg=port)
+    told = replace(beside, before=jnp.asarray(0.3))
+    for made, around, port in itertools.product(forms(effect), (beside, told), ALONG):
+        into = jnp.asarray(y) if port in ("command", "measured") else fine
+        out = getattr(made, port)(into, around)
+        assert out.dtype == np.float64
+        np.testing.assert_array_equal(out, into, err_msg=port)
 
 
 @every_effect

@@ -96,6 +96,8 @@ def bar(whole: Sequence[Line]) -> list[tuple[str, str, str]]:
         ("", "truth in the answer's set ≥ 99 % of alarms", str(of(alarms, lambda v: v.in_set))),
         ("", "a spurious further cause", str(of(alarms, lambda v: v.spurious > 0))),
         ("3", "detected ≥ 95 % where λ₀ ≥ 49", _detected(_above(singles, 49.0))),
+        ("", "the same, of which only as minor", str(
+            rate(not x["findings"] for x in _above(singles, 49.0) if verdicts[id(x)].detected))),
         ("", "detected where λ₀ ≥ 32 with a repeat ≥ 95 %", _detected(_above(repeated, 32.0))),
         ("", "named alone and rightly ≥ 98 % where λ_AB ≥ 20 (λ_AB is not known here: of alarms "
          "with λ₀ ≥ 49)", str(of(_above(alarms, 49.0), lambda v: v.named))),
@@ -256,6 +258,11 @@ def _short(whole: Sequence[Line], crashed: Sequence[Line]) -> str:
         "missed though λ₀ ≥ 49": [
             (x, f"λ₀ {x['lambda0']:.0f}, {x['verdict']}")
             for x in _above(singles, 49.0) if not score.judged(x).detected
+        ],
+        "only minor though λ₀ ≥ 49": [
+            (x, f"λ₀ {x['lambda0']:.0f}, FIT {x['fit']}")
+            for x in _above(singles, 49.0)
+            if score.judged(x).detected and not x["findings"]
         ],
         "outside, not flagged": [
             (x, _said(x)) for x in _of(whole, "outside") if not score.flagged(x)

@@ -6,6 +6,7 @@ import pytest
 
 import vdmsi_jax
 from hidden import hunt_scores as score
+from hidden.hunt import brief
 from hidden.hunt_case import answer, hidden, made, records
 from hidden.hunt_plan import task
 
@@ -57,31 +58,33 @@ def line(drives):
 @pytest.mark.parametrize("which", ids(HIDDEN))
 def test_a_hidden_cause_is_named_sized_and_worth_what_it_costs(line, which):
     told = line(which)
-    assert told["verdict"] == "explained", told
-    assert all(score.found(told)), told["findings"]
-    assert len(told["findings"]) == len(told["truth"]), told["findings"]
-    assert not score.stated_wrongly(told), told["findings"]
+    said = f"{brief(told)}; {told['unexplained']}; FIT {told['fit']} of {told['attainable']}"
+    assert told["verdict"] == "explained", said
+    assert all(score.found(told)), said
+    assert len(told["findings"]) == len(told["truth"]), said
+    assert not score.stated_wrongly(told), said
     if which != "pair":
-        assert score.judged(told).named, told["findings"]
+        assert score.judged(told).named, said
     errors = score.errors(told, score.EXACT | score.LOOSE)
-    assert len(errors) >= len(told["truth"]), told
+    assert len(errors) >= len(told["truth"]), said
     assert all(error < NEAR for _, error, _ in errors), errors
     share = score.share_of_attainable(told)
-    assert share is not None and share > GAIN, (share, told["fit"], told["attainable"])
+    assert share is not None and share > GAIN, f"{share}; {said}"
     assert all(f["held_out"] for f in told["findings"])
 
 
 @pytest.mark.parametrize("which", ids(CLEAN))
 def test_where_nothing_is_hidden_nothing_is_found(line, which):
     told = line(which)
-    assert not told["findings"], told["findings"]
-    assert told["verdict"] == "no_effect", told["unexplained"]
+    said = f"{brief(told)}; {told['unexplained']}; FIT {told['fit']} of {told['attainable']}"
+    assert not told["findings"], said
+    assert told["verdict"] == "no_effect", said
 
 
 @pytest.mark.parametrize("which", ids(OUTSIDE))
 def test_what_the_library_lacks_is_said_to_be_unexplained(line, which):
     told = line(which)
-    assert score.flagged(told) or not score.stated_wrongly(told), told
+    assert score.flagged(told) or not score.stated_wrongly(told), brief(told)
 
 
 def test_what_is_hidden_is_loud_and_worth_finding(drives):

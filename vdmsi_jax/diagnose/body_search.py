@@ -70,7 +70,7 @@ class BodySearch:
 
 def price(active: Sequence[int]) -> float:
     """As in the actuators' search."""
-    return sum(CAUSE_COST + PARAMETER_COST * CAUSES[i].weight for i in active)
+    return float(sum(CAUSE_COST + PARAMETER_COST * CAUSES[i].weight for i in active))
 
 
 def search_body(body: Body) -> BodySearch:

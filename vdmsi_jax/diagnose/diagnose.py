@@ -19,7 +19,7 @@ from .extension import extended_model, plain_model
 from .judge import Scored, confirmed, fit_percent, gain_of
 from .manoeuvres import separate
 from .naming import Named, merged, of_body, of_stage, without
-from .prepare import Runs, body_of, lay_out, stage_of, steering_angle
+from .prepare import Runs, body_of, lay_out, slower, stage_of, steering_angle
 from .result import ChannelScore, Diagnosis, Finding, Gain, Response, Rival, Unexplained
 from .road import Road
 from .refit import Refit, refit
@@ -29,8 +29,10 @@ from .search import _with as joined
 from .unexplained import structure
 from .words import sentence, summary
 
-MINOR = 0.01
+MINOR = 0.02
 """Share of the held-out squared error of its channel below which a significant cause is minor."""
+
+_DOUBTFUL = 0.05  # share of a cause that makes the path no better, below which it is minor
 
 _TWINS = {"powertrain": "v", "steering": "delta"}
 _SENSED = {"transport_delay": "sensor_delay", "offset": "sensor_bias"}
@@ -54,7 +56,7 @@ def diagnose(
         InputError: no record, different sample periods, or nothing in them that answers to a command.
     """
     several = [records] if isinstance(records, Record) else list(records)
-    several = _alike(several, vehicle)
+    several = [slower(record) for record in _alike(several, vehicle)]
     say = told or (lambda _: None)
     runs = lay_out(several)
     searches, unseen = {}, []
@@ -151,7 +153,7 @@ class _Judge:
         for cause, gain, _ in sure:
             share = max(0.0, 1.0 - gain.mse_after / max(gain.mse_before, 1e-300))
             found = self._finding(cause, gain, share, road)
-            (findings if share >= MINOR else minor).append(found)
+            (minor if share < MINOR or self._negligible(found) else findings).append(found)
         findings.sort(key=lambda f: -f.share)
         minor.sort(key=lambda f: -f.share)
         left = self._left()
@@ -186,6 +188,15 @@ class _Judge:
             summary="",
         )
         return replace(told, summary=summary(told))
+
+    def _negligible(self, found: Finding) -> bool:
+        """Whether a sensor is late by less than half a sample, as every body is, or a small gain in
+        one channel is none on the road."""
+        value = next(iter(found.parameters.values())).value
+        late = found.cause in ("sensor_delay", "sensor_lag") and abs(value) < 0.5 * self.runs.dt
+        g = found.gain
+        worse = g.ate_before is not None and g.ate_after is not None and g.ate_after > g.ate_before
+        return late or (worse and found.share < _DOUBTFUL)
 
     def _units(self, spec: PlantSpec) -> tuple[str, str]:
         units = self.records[0].units

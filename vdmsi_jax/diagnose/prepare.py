@@ -10,6 +10,7 @@ from jaxtyping import Float
 from ..config import PlantSpec
 from ..data.noise import white_noise_std
 from ..data.record import Record
+from ..data.segment import Segment
 from ..effects import ACTUATOR, AbstractEffect, Scales, Signals
 from ..models.bicycle import Bicycle
 from .body import CHANNELS, WINDOW, Body, increments
@@ -19,6 +20,7 @@ from .stage import Stage
 _SLOWEST_STEERED = 0.3  # m/s, below which a yaw rate tells no steering angle
 _LONGEST = 6000  # samples of a run that are simulated at once; longer ones are cut
 _MOST_RUNS = 24  # that are looked at
+_ROW = 0.02  # s, between rows of a vehicle's record
 _HELD_OUT = 0.3  # share of a single run that is held out
 
 _FOREIGN = {
@@ -88,6 +90,38 @@ class Runs:
         return np.pad(own, (0, self.length - len(own)), mode="edge")
 
 
+def slower(record: Record) -> Record:
+    """A vehicle's record at about 50 Hz, where it was sampled faster: commands are averaged over the
+    longer rows, measurements are those at their beginning. A plant that is no vehicle's is left as it
+    is, since its time scale is unknown."""
+    every = round(_ROW / record.dt)
+    if record.vehicle is None or every < 2:
+        return record
+    parts, index, start = [], [], 0
+    for own in record.segments:
+        rows = len(own) // every
+        if rows:
+            index.append(own.start + every * np.arange(rows))
+            parts.append(Segment(start, start + rows, own.run))
+            start += rows
+    at = np.concatenate(index)
+
+    def mean(values: np.ndarray) -> np.ndarray:
+        return values[at[:, None] + np.arange(every)].mean(axis=1)
+
+    return replace(
+        record,
+        dt=record.dt * every,
+        t=record.t[at],
+        channels={
+            name: mean(values) if name.endswith("_cmd") else values[at]
+            for name, values in record.channels.items()
+        },
+        filled={name: mask[at] for name, mask in record.filled.items()},
+        segments=tuple(parts),
+    )
+
+
 def lay_out(records: Sequence[Record]) -> Runs:
     """Put the segments of records side by side and choose what is held out: the last third of the
     records, or, of a single one, the last part of each segment."""
@@ -101,7 +135,7 @@ def lay_out(records: Sequence[Record]) -> Runs:
             first = next(s.start for s in record.segments if s.run == segment.run)
             for a, b in zip(edges[:-1], edges[1:], strict=True):
                 split = int((b - a) * (1.0 - _HELD_OUT))
-                split = (0 if k in judges else b - a) if count > 1 else split
+                split = (0 if k in judges else int(b - a)) if count > 1 else split
                 pieces.append((segment.run, record, int(a), int(b), float(record.t[a] - record.t[first]), split))
     longest = max(p[3] - p[2] for p in pieces)
     long = [p for p in pieces if p[3] - p[2] >= max(40, longest // 20)]
@@ -195,24 +229,24 @@ def _look(stage: Stage) -> tuple[float, np.ndarray]:
     ladder = np.geomspace(1.5 * stage.dt, 0.3 * stage.u.shape[1] * stage.dt, 14)
     seen = stage.y[stage.mask]
     best = (np.inf, 1.0, stage.y)
+    n = stage.u.shape[1]
     for tau in ladder:
         keep = np.exp(-stage.dt / tau)
-        y = _lag(stage.u, keep)
-        shape = np.stack([y[stage.mask], np.ones_like(seen)], axis=1)
-        found, *_ = np.linalg.lstsq(shape, seen, rcond=None)
-        error = float(np.sum((seen - shape @ found) ** 2))
+        forced, free = _lag(stage.u, keep), stage.y[:, :1] * keep ** np.arange(n)
+        columns = np.stack([forced, free, np.ones_like(forced)], axis=-1)
+        found, *_ = np.linalg.lstsq(columns[stage.mask], seen, rcond=None)
+        error = float(np.sum((seen - columns[stage.mask] @ found) ** 2))
         if error < best[0]:
-            best = (error, float(tau), y * found[0] + found[1])
+            best = (error, float(tau), columns @ found)
     return best[1], best[2]
 
 
 def _lag(u: np.ndarray, keep: float) -> np.ndarray:
-    """`y[k+1] = keep y[k] + (1 - keep) u[k]` from rest, along the last axis."""
+    """`y[k+1] = keep y[k] + (1 - keep) u[k]` from zero, along the last axis."""
     n = u.shape[1]
     size = 1 << (2 * n).bit_length()
     taps = np.concatenate([[0.0], (1.0 - keep) * keep ** np.arange(n - 1)])
-    free = u[:, :1] * keep ** np.arange(n)
-    return free + np.fft.irfft(np.fft.rfft(u, size) * np.fft.rfft(taps, size), size)[:, :n]
+    return np.fft.irfft(np.fft.rfft(u, size) * np.fft.rfft(taps, size), size)[:, :n]
 
 
 def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:

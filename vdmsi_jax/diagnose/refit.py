@@ -369,6 +369,15 @@ def _finish(stage: Stage, lanes: list[_Lane], counted: np.ndarray) -> list[Refit
     return found
 
 
+def _begun(stage: Stage, lane: _Lane, y: np.ndarray, run: int) -> np.ndarray:
+    """The response of a run that no fit has seen, with the states at its start that fit best."""
+    use = stage.held_out[run]
+    e = whiten(np.where(use, stage.y[run] - y, 0.0)[None, None], lane.colour[None])[0, 0]
+    f = lane.white_states * use
+    prior = float(np.mean(e[use] ** 2)) / (_FREE_STATE * stage.scales.response) ** 2
+    return y + lane.states @ np.linalg.solve(f @ f.T + prior * np.eye(len(f)), f @ e)
+
+
 def completed(stage: Stage, fits: Sequence[Refit]) -> list[Refit]:
     """Fits to the runs of a stage in which something counts, with the responses of all its runs,
     and the covariances from differences at the optimum."""
@@ -385,5 +394,7 @@ def completed(stage: Stage, fits: Sequence[Refit]) -> list[Refit]:
         normal = _project(stage, lane, counted, _white(np.where(stage.mask, J, 0.0), lane, counted))
         whole = y.copy()
         whole[used] = f.y
+        for r in np.flatnonzero(~used):  # a start is no part of a model: it is told by its own run
+            whole[r] = _begun(stage, lane, y[r], int(r))
         found.append(replace(f, y=whole, simulated=y, covariance=_inverse(normal) * f.variance))
     return found

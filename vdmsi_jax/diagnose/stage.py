@@ -13,7 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import ArrayLike, Bool, Float
 
 from ..effects import AbstractEffect, Scales, Signals
 from ..models.extended_plant import observer, respond, steps_of
@@ -180,8 +180,14 @@ class Stage:
     def _simulate(self, theta: np.ndarray, on: np.ndarray, stepped: bool) -> np.ndarray:
         tree, leaves, h = self._parts[stepped]
         padded = np.concatenate([theta, np.repeat(theta[:1], _LANES - len(theta), axis=0)])
-        y = _simulate(tree, leaves, _plants(padded, self.pace, h), padded, on, self.u)
+        y = _simulate(tree, leaves, _plants(padded, self.pace, h), padded, on, self.u, self.level)
         return np.asarray(y)[: len(theta)]
+
+    @cached_property
+    def level(self) -> Float[np.ndarray, " R"]:
+        """Measured response at the first row of each run, where the plant is taken to have rested;
+        NaN where it was not measured."""
+        return np.where((self.mask | self.held_out)[:, 0], self.y[:, 0], np.nan)
 
     @cached_property
     def _parts(self) -> tuple:
@@ -201,13 +207,13 @@ class Unravel(eqx.Module):
 
     effects: tuple[AbstractEffect, ...]
 
-    def __call__(self, vector: Float[np.ndarray, " P"]) -> tuple[AbstractEffect, ...]:
+    def __call__(self, vector: Float[ArrayLike, " P"]) -> tuple[AbstractEffect, ...]:
         """The effects with the parameters in `vector`."""
         at, made = 0, []
         for effect in self.effects:
             for name in parameters(effect):
                 old = getattr(effect, name)
-                new = vector[at : at + old.size].reshape(old.shape)
+                new = jnp.asarray(vector[at : at + old.size]).reshape(old.shape)
                 at += old.size
                 effect = eqx.tree_at(lambda e, name=name: getattr(e, name), effect, new)
             made.append(effect)
@@ -227,15 +233,17 @@ def _plants(theta, pace, h):
 
 
 @partial(jax.jit, static_argnums=0)
-def _simulate(tree, leaves, plants, theta, on, u):
+def _simulate(tree, leaves, plants, theta, on, u, level):
     unravel, signals = jax.tree.unflatten(tree, leaves)
 
-    def one(plant, vector, u, signals):
+    def one(plant, vector, u, signals, level):
         matrices, rest, slowness, steps = plant
-        told = eqx.tree_at(lambda s: (s.slowness, s.lead), signals, (slowness, vector[LEAD]))
+        known = ~jnp.isnan(level) & (jnp.abs(rest[0]) > 1e-9)
+        before = jnp.where(known, level / jnp.where(known, rest[0], 1.0), u[0])
+        told = replace(signals, slowness=slowness, lead=vector[LEAD], before=before)
         effects = unravel(vector[LEAD + 1 :])
-        return respond(StateSpace(*matrices), rest, effects, u, told, on, steps)
+        return respond(StateSpace(*matrices), rest, effects, u, told, on, steps, rest * before)
 
-    per_run = Signals(0, 0, 0, 0, None, None, None, signals.substeps)  # axes to map over
-    over_runs = jax.vmap(one, in_axes=(None, None, 0, per_run))
-    return jax.vmap(over_runs, in_axes=(0, 0, None, None))(plants, theta, u, signals)
+    per_run = jax.tree.map(lambda leaf: 0 if jnp.ndim(leaf) == 2 else None, signals)
+    over_runs = jax.vmap(one, in_axes=(None, None, 0, per_run, 0))
+    return jax.vmap(over_runs, in_axes=(0, 0, None, None, None))(plants, theta, u, signals, level)

@@ -35,6 +35,7 @@ class Signals(eqx.Module):
             that (a lag before the body), large where an integrator lies between.
         h: length of a sub-step, s.
         substeps: sub-steps a row.
+        before: the command that acted before the first row; None for the first command itself.
     """
 
     t: Float[Array, "*runs N"]
@@ -45,6 +46,7 @@ class Signals(eqx.Module):
     lead: Float[Array, ""]
     h: Float[Array, ""]
     substeps: int = eqx.field(static=True)
+    before: Float[Array, ""] | None = None
 
     @staticmethod
     def plain(n: int, dt: float, substeps: int = 1) -> "Signals":
@@ -188,8 +190,11 @@ class AbstractEffect(eqx.Module):
         return kappa
 
 
-def late(y: Float[Array, " M"], steps: Float[Array, ""]) -> Float[Array, " M"]:
-    """`y` later by so many samples, not necessarily whole; the first value stands before them.
+def late(
+    y: Float[Array, " M"], steps: Float[Array, ""], before: Float[Array, ""] | None = None
+) -> Float[Array, " M"]:
+    """`y` later by so many samples, not necessarily whole; `before`, or else the first value, stands
+    before them.
 
     Linear between samples, which is the exact mean over a sub-step of a signal that is held
     between them. Exactly `y` at zero; negative values look ahead.
@@ -197,9 +202,13 @@ def late(y: Float[Array, " M"], steps: Float[Array, ""]) -> Float[Array, " M"]:
     whole = jnp.floor(steps)
     rest = steps - whole
     at = jnp.arange(y.shape[0]) - whole.astype(int)
-    now = y[jnp.clip(at, 0, y.shape[0] - 1)]
-    before = y[jnp.clip(at - 1, 0, y.shape[0] - 1)]
-    return now + rest * (before - now)
+    first = y[0] if before is None else before
+
+    def read(at: Array) -> Array:
+        return jnp.where(at < 0, first, y[jnp.clip(at, 0, y.shape[0] - 1)])
+
+    now = read(at)
+    return now + rest * (read(at - 1) - now)
 
 
 def lag(y: Float[Array, " M"], spans: Float[Array, " M"]) -> Float[Array, " M"]:

@@ -40,5 +40,6 @@ class Resonance(AbstractEffect):
             now = (u + stay * away + sine * dq, -sine * away + (cosine - self.damping * sine) * dq)
             return now, 0.5 * (q + now[0])
 
-        mode = lax.scan(swing, (u[0], jnp.zeros_like(u[0])), u)[1]
+        first = u[0] if signals.before is None else signals.before
+        mode = lax.scan(swing, (first, jnp.zeros_like(first)), u)[1]
         return u + self.share * (mode - u)

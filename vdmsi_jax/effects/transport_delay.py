@@ -21,4 +21,4 @@ class TransportDelay(AbstractEffect):
         return [(k * slow,) for k in (0.05, 0.15, 0.4, 0.8)] + [(k * scales.dt,) for k in (1, 3, 8)]
 
     def held(self, u: Float[Array, " M"], signals: Signals) -> Float[Array, " M"]:
-        return late(u, self.delay / signals.h)
+        return late(u, self.delay / signals.h, signals.before)

@@ -179,6 +179,7 @@ def respond(
     signals: Signals,
     on: Bool[Array, " effects"] | None = None,
     steps: tuple[Float[Array, "2 n n"], Float[Array, "2 n"]] | None = None,
+    start: Float[Array, " n"] | None = None,
 ) -> Float[Array, " N"]:
     """What is measured at the rows of a plant with effects, started at rest under its first
     command.
@@ -192,8 +193,9 @@ def respond(
         on: which effects may be on; the work of the others is left out when the program runs. All
             where it is None.
         steps: `steps_of` the system, where they are known.
+        start: state at the first row; at rest under the first command if None.
     """
-    y = fine_response(system, rest, effects, u, signals, on, steps)[:: signals.substeps]
+    y = fine_response(system, rest, effects, u, signals, on, steps, start)[:: signals.substeps]
     return _through("measured", effects, y, signals, on)
 
 
@@ -205,10 +207,11 @@ def fine_response(
     signals: Signals,
     on: Bool[Array, " effects"] | None = None,
     steps: tuple[Float[Array, "2 n n"], Float[Array, "2 n"]] | None = None,
+    start: Float[Array, " n"] | None = None,
 ) -> Float[Array, " M"]:
     """`respond` at the sub-steps, the rows among them."""
     held = _through("held", effects, _at_substeps(effects, u, signals, on), signals, on)
-    y = _moved(system, rest, effects, held, signals, on, steps=steps)
+    y = _moved(system, rest, effects, held, signals, on, start, steps)
     y = _through("output", effects, y, signals, on)
     return _through("sensor", effects, y, signals, on)
 

@@ -1,0 +1,113 @@
+"""The verb: what is hidden in logs is named, sized, and gained on drives that no fit has seen."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hidden.generator import Case, generate
+
+import vdmsi_jax as vj
+from vdmsi_jax.diagnose.document import diagnosis_document
+
+DEMO = Path(__file__).parents[2] / "configs" / "demo" / "fault"
+TRUE_GAP = 0.020282853292926506  # rad, as configs/demo/make_fault.py prints it
+
+
+def records(drive, channels=("v_cmd", "delta_cmd", "v", "delta", "r", "x", "y", "psi"), rows=None):
+    geometry = vj.VehicleGeometry(*drive.geometry)
+    return [
+        vj.Record.from_arrays(
+            dt=drive.dt,
+            name=f"run_{i + 1}",
+            vehicle=geometry,
+            **{c: run[c][:rows] for c in channels},
+        )
+        for i, run in enumerate(drive.runs)
+    ]
+
+
+@pytest.fixture(scope="module")
+def logs():
+    return vj.read_logs([DEMO / f"run_{i}.csv" for i in (1, 2, 3)], config=DEMO / "vehicle.toml")
+
+
+@pytest.fixture(scope="module")
+def play(logs):
+    return vj.diagnose(logs)
+
+
+def test_the_play_of_the_demo_is_named_and_nothing_else(play):
+    assert play.verdict == "explained"
+    assert [(f.cause, f.where) for f in play.findings] == [("backlash", "steering")]
+    assert play.findings[0].indistinguishable_from == ()
+
+
+def test_its_size_is_told_with_an_interval_that_holds_it(play):
+    gap = play.findings[0].parameters["gap"]
+    assert gap.unit == "rad"
+    assert abs(gap.value - TRUE_GAP) < max(3.0 * gap.std, 0.01 * TRUE_GAP)
+
+
+def test_the_gain_is_measured_on_a_drive_that_no_fit_has_seen(play):
+    gain = play.findings[0].gain
+    assert gain.held_out and gain.channel == "delta"
+    assert gain.after - gain.before > 10.0 > gain.se
+    assert gain.ate_after < gain.ate_before
+    assert play.extended["delta"].fit == pytest.approx(gain.after)
+
+
+def test_the_budget_adds_up(play):
+    for budget in play.budget:
+        parts = sum(budget.parts.values()) + budget.noise + budget.unexplained
+        assert parts == pytest.approx(budget.total)
+    steering = next(b for b in play.budget if b.name == "delta")
+    assert steering.parts["backlash (steering)"] > 0.8 * steering.total
+
+
+def test_the_logs_say_what_they_could_have_shown(play):
+    known = {(d.where, d.cause): d for d in play.detectable}
+    delay = known["steering", "transport_delay"]
+    assert 0.0 < delay.smallest < 0.1 and delay.unit == "s"
+
+
+def test_the_extended_model_survives_the_disk_and_drives_better(play, logs, tmp_path):
+    model = vj.load_model(vj.save_model(tmp_path / "model.json", play.model))
+    predictions = vj.compare(logs[2], model).predictions
+    assert set(predictions) == {"VDM", "VDM-SI", "extended"}
+    assert predictions["extended"].scores["delta"].fit > 90.0
+    assert predictions["extended"].scores["delta"].fit > predictions["VDM-SI"].scores["delta"].fit
+
+
+def test_the_document_is_strict_and_has_the_contract_s_keys(play):
+    document = diagnosis_document(play)
+    json.dumps(document, allow_nan=False)
+    asked = {"schema", "verdict", "baseline", "findings", "minor", "unexplained", "noise_ceiling"}
+    assert asked <= set(document)
+    assert {"cause", "where", "parameters", "p_value", "gain"} <= set(document["findings"][0])
+
+
+def test_a_speed_alone_is_diagnosed_with_what_is_there():
+    case = Case((("dead_zone", "powertrain"),), "middle", seed=3, dt=0.05, duration=40.0)
+    (drive,) = generate([case])
+    found = vj.diagnose(records(drive, ("v_cmd", "v")))
+    assert [f.cause for f in found.findings] == ["dead_zone"]
+    truth = drive.truth.causes[0].parameters["half_width"][0]
+    assert found.findings[0].parameters["half_width"].value == pytest.approx(truth, rel=0.1)
+    assert any("could not be looked at" in sentence for sentence in found.unseen)
+    assert found.ate is None
+
+
+def test_logs_that_do_not_go_together_are_refused(logs):
+    with pytest.raises(vj.InputError, match="no record"):
+        vj.diagnose([])
+    n = 400
+    other = vj.Record.from_arrays(dt=0.05, name="slow", v_cmd=np.arange(n) % 7.0, v=np.zeros(n))
+    with pytest.raises(vj.InputError, match="sampled every"):
+        vj.diagnose([*logs, other])
+
+
+def test_a_log_that_answers_to_nothing_is_refused():
+    lonely = vj.Record.from_arrays(dt=0.02, name="lonely", v=np.sin(np.arange(500) * 0.01))
+    with pytest.raises(vj.InputError, match="command"):
+        vj.diagnose(lonely)
