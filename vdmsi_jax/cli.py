@@ -271,7 +271,7 @@ def _dispatch(arguments: list[str]) -> None:
             call = tyro.extras.subcommand_cli_from_dict(
                 {name: _delayed(command) for name, command in COMMANDS.items()},
                 prog="vdmsi",
-                description="Name what a vehicle's simulation gets wrong; identify its actuators; simulate. "
+                description="Name what a simulation gets wrong; identify actuators; simulate. "
                 "`vdmsi --version` tells the version.",
                 args=arguments,
             )

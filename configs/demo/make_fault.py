@@ -3,7 +3,7 @@
     python configs/demo/make_fault.py
 
 They come from the generator of the hidden tests (`tests/hidden/generator`: plain NumPy at 1 kHz,
-which shares no code with the toolkit) and are written to `configs/demo/fault`. The truth is printed.
+which shares no code with the toolkit) and are written to `configs/demo/fault`. It prints the truth.
 """
 
 import sys

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hidden.generator import Case, generate
 
 import vdmsi_jax as vj
+from hidden.generator import Case, generate
 from vdmsi_jax.diagnose.document import diagnosis_document
 
 DEMO = Path(__file__).parents[2] / "configs" / "demo" / "fault"

@@ -40,7 +40,9 @@ OF_DIAGNOSES = {  # tested in test_diagnosis_plots.py
 
 
 def test_every_figure_is_in_the_table():
-    assert set(FIGURES) | OF_DIAGNOSES | {"to_svg"} == {name for name in vars(plots) if callable_figure(name)}
+    assert set(FIGURES) | OF_DIAGNOSES | {"to_svg"} == {
+        name for name in vars(plots) if callable_figure(name)
+    }
 
 
 def callable_figure(name: str) -> bool:

@@ -1,8 +1,9 @@
 """The body and the road: yaw rate and pose, given how the actuators moved.
 
-Speed and angle are those of the fitted actuators; what the actuators' models leave of them is passed on
-by regression (the chain rule of likelihoods), so that one disturbance is not counted twice. Poses count
-as increments over half a second in the body's frame, which need no start and do not pile errors up.
+Speed and angle are those of the fitted actuators; what the actuators' models leave of them is
+passed on by regression (the chain rule of likelihoods), so that one disturbance is not counted twice.
+Poses count as increments over half a second in the body's frame, which need no start and do not pile
+errors up.
 """
 
 from dataclasses import dataclass
@@ -23,7 +24,7 @@ WINDOW = 0.5
 """Length of a pose increment, s."""
 
 NUISANCE_LAG = 0.02
-"""Yaw lag that every vehicle may have without its being a finding, s: tyres and body have 6 to 18 ms."""
+"""Yaw lag that a vehicle may have without its being a finding, s; real ones have 6 to 18 ms."""
 
 CHANNELS = ("r", "psi", "forward", "aside")
 _TAPS = 2  # rows to each side at which an actuator's residual may act
@@ -53,7 +54,9 @@ class BodyCause:
 CAUSES = (
     BodyCause("speed_scale", "vehicle", None, ("scale",), ("1",), ((0.03,), (-0.03,)), -0.9),
     BodyCause("offset", "vehicle", None, ("bias",), ("rad",), ((0.005,),)),
-    BodyCause("bank", "vehicle", None, ("slope", "pull"), ("1", "rad"), ((0.03, 0.003),), weight=2.0),
+    BodyCause(
+        "bank", "vehicle", None, ("slope", "pull"), ("1", "rad"), ((0.03, 0.003),), weight=2.0
+    ),
     BodyCause("geometry_scale", "vehicle", None, ("scale",), ("1",), ((0.05,), (-0.05,)), -0.9),
     BodyCause("understeer", "vehicle", None, ("gradient",), ("s^2/m^2",), ((0.001,), (0.01,))),
     BodyCause("tyre_relaxation", "vehicle", None, ("length",), ("m",), ((0.3,), (1.0,)), 0.0),
@@ -102,13 +105,20 @@ class Body:
     def index(self) -> tuple[tuple[int, ...], ...]:
         """Where each cause has its parameters; the nuisance lag comes first."""
         ends = np.cumsum([1, *(len(c.names) for c in CAUSES)])
-        return tuple(tuple(range(a, a + len(c.names))) for a, c in zip(ends[:-1], CAUSES, strict=True))
+        return tuple(
+            tuple(range(a, a + len(c.names))) for a, c in zip(ends[:-1], CAUSES, strict=True)
+        )
 
     @property
     def allowed(self) -> tuple[int, ...]:
         """Causes that the channels at hand could show."""
         poses = "psi" in self.measured
-        hidden = {("speed_scale", None), ("sensor_bias", "v"), ("bank", None), ("sensor_delay", "pose")}
+        hidden = {
+            ("speed_scale", None),
+            ("sensor_bias", "v"),
+            ("bank", None),
+            ("sensor_delay", "pose"),
+        }
         hidden |= {("sensor_bias", "psi")}
         hidden |= {("sensor_lag", "v"), ("sensor_delay", "v")}
         yaw = {("sensor_lag", "r"), ("sensor_delay", "r"), ("sensor_bias", "r")}

@@ -43,8 +43,8 @@ class BodyFit:
 
 @dataclass(frozen=True)
 class BodyFinding:
-    """A cause, what it is worth in twice the log-likelihood, the model without it, and what was tried
-    in its place with what it lacks."""
+    """A cause, what it is worth in twice the log-likelihood, the model without it, and what was
+    tried in its place with what it lacks."""
 
     number: int
     gain: float
@@ -99,9 +99,9 @@ def screen_body(body: Body, at: BodyFit) -> list[tuple[float, int, np.ndarray]]:
     best first: one step from the fit, the colours estimated anew."""
     lane = _Lane.of(body, at)
     bound = lane.theta[0] <= 0.0 or lane.theta[0] >= NUISANCE_LAG
-    lane.free = lane.free[1:] if bound else lane.free
+    kept = lane.free[1:] if bound else lane.free
     causes = [k for k in body.allowed if k not in at.active]
-    free = [*lane.free, *(i for k in causes for i in body.index[k])]
+    free = [*kept, *(i for k in causes for i in body.index[k])]
     sizes = {i: _STEP * (0.1 if i else 0.02) for i in free}
     shifted = []
     for i in free:
@@ -116,7 +116,7 @@ def screen_body(body: Body, at: BodyFit) -> list[tuple[float, int, np.ndarray]]:
     X = chain(body, lane.y, lane.raw(lane.y))
     found = []
     for k in causes:
-        own = [*lane.free, *body.index[k]]
+        own = [*kept, *body.index[k]]
         gain, step = _predict(body, lane, before, {i: moved[i] for i in own}, X)
         theta = at.theta.copy()
         theta[own] += step
@@ -169,7 +169,9 @@ def _findings(body: Body, now: BodyFit) -> tuple[BodyFinding, ...]:
             (k, 2 * (now.loglik - f.loglik) + 2 * (CAUSES[k].weight - CAUSES[i].weight))
             for (_, k, _), f in zip(close, fits, strict=True)
         ]
-        found.append(BodyFinding(i, gain, less, tuple(sorted(others, key=lambda o: o[1])), promised))
+        found.append(
+            BodyFinding(i, gain, less, tuple(sorted(others, key=lambda o: o[1])), promised)
+        )
     return tuple(sorted(found, key=lambda f: -f.gain))
 
 
@@ -388,9 +390,7 @@ def at_fixed(found: BodySearch, number: int, value: float) -> float:
     return 2.0 * (found.final.loglik - lane.finish().loglik)
 
 
-def residual(
-    body: Body, fit: BodyFit, channel: str, use: np.ndarray
-) -> Float[np.ndarray, "R N"]:
+def residual(body: Body, fit: BodyFit, channel: str, use: np.ndarray) -> Float[np.ndarray, "R N"]:
     """What a fit leaves of a channel after the chain rule, over any samples, by the shares that the
     fit has found."""
     lane = _Lane.of(body, fit)

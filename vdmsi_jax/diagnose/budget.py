@@ -50,5 +50,9 @@ def _scaled(parts: dict[str, float], whole: float) -> dict[str, float]:
     """The same shares of what the baseline, which was refitted without the causes, loses."""
     total = sum(parts.values())
     if abs(total) < 1e-300 or whole <= 0.0 or total < 0.0:
-        return parts if abs(sum(parts.values()) - whole) < 1e-12 else dict.fromkeys(parts, whole / max(len(parts), 1))
+        return (
+            parts
+            if abs(sum(parts.values()) - whole) < 1e-12
+            else dict.fromkeys(parts, whole / max(len(parts), 1))
+        )
     return {name: value * whole / total for name, value in parts.items()}

@@ -36,7 +36,7 @@ def predicted(
 ) -> tuple[Float[np.ndarray, "H order"], Float[np.ndarray, " H"]]:
     """Coefficients of `autoregression` and the sum of squares that the prediction leaves, from the
     `spectrum` of signals that are zero where they do not count."""
-    power = np.sum(spectra.real**2 + spectra.imag**2, axis=1)
+    power = np.sum(np.abs(spectra) ** 2, axis=1)
     covariance = np.fft.irfft(power)[:, : order + 1]
     covariance[:, 0] = covariance[:, 0] * (1 + 1e-9) + 1e-300
     lags = np.abs(np.arange(order)[:, None] - np.arange(order)[None, :])

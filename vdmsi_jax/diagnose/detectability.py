@@ -17,8 +17,8 @@ _ALIKE = 0.95
 
 
 def detectable(stage: Stage, at: Refit, units: tuple[str, str]) -> list[Detectable]:
-    """Every cause that is not on: its first parameter at the smallest size that these logs would have
-    shown, and the causes whose effects look alike."""
+    """Every cause that is not on: its first parameter at the smallest size that these logs would
+    have shown, and the causes whose effects look alike."""
     numbers, thetas = [], []
     for number in stage.allowed:
         slot = stage.slots[number]
@@ -58,7 +58,9 @@ def detectable(stage: Stage, at: Refit, units: tuple[str, str]) -> list[Detectab
         alike = [
             stage.slots[numbers[j]].cause
             for j in range(len(numbers))
-            if visible and abs(cosines[k, j]) > _ALIKE and stage.slots[numbers[j]].cause != slot.cause
+            if visible
+            and abs(cosines[k, j]) > _ALIKE
+            and stage.slots[numbers[j]].cause != slot.cause
         ]
         names = tuple(dict.fromkeys(alike))
         hint = better(slot.cause, names) if names or not visible else ""

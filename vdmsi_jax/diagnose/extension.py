@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 
 from ..config import PlantSpec
@@ -47,7 +48,8 @@ def extended_model(
         effects = Unravel(found.stage.effects)(h.theta[LEAD + 1 :])
         on = tuple(effects[k] for k in h.active)
         substeps = found.stage.signals.substeps
-        model = ExtendedPlant(linear, on, lead=h.theta[LEAD], substeps=substeps)
+        lead = h.theta[LEAD] / found.stage.pace
+        model = ExtendedPlant(linear, on, lead=lead, substeps=substeps)
         plants[spec.name] = Plant(spec, model)
     body, sensors = ((), ()) if bodily is None else _body(bodily)
     return Model(plants, records[0].vehicle, body=body, sensors=sensors)
@@ -68,16 +70,16 @@ def _body(found: BodySearch) -> tuple[tuple[AbstractEffect, ...], tuple]:
         names = list(parameters(effect))
         if k in found.final.active:
             for name, i in zip(names, index[k], strict=True):
-                effect = eqx.tree_at(lambda e, name=name: getattr(e, name), effect, theta[i])
-            body.append(_as_arrays(effect))
+                value = jnp.asarray(theta[i])
+                effect = eqx.tree_at(lambda e, name=name: getattr(e, name), effect, value)
+            body.append(effect)
     sensors = []
     known = {e.cause: e for e in SENSOR}
     for k, cause in enumerate(CAUSES):
         if k in found.final.active and cause.where == "sensor":
-            effect = type(known[cause.cause])(theta[index[k][0]])
+            effect = known[cause.cause]
+            name = next(iter(parameters(effect)))
+            value = jnp.asarray(theta[index[k][0]])
+            effect = eqx.tree_at(lambda e, name=name: getattr(e, name), effect, value)
             sensors.append((cause.channel, effect))
     return tuple(body), tuple(sensors)
-
-
-def _as_arrays(effect: AbstractEffect) -> AbstractEffect:
-    return type(effect)(**{name: getattr(effect, name) for name in parameters(effect)})

@@ -63,9 +63,7 @@ def confirmed(scored: Scored, use: Bool[np.ndarray, "R N"]) -> float:
     return float(use.sum()) * float(np.log(energies[0] / max(energies[1], 1e-300)))
 
 
-def shapley(
-    players: Sequence[str], worth: Callable[[frozenset[str]], float]
-) -> dict[str, float]:
+def shapley(players: Sequence[str], worth: Callable[[frozenset[str]], float]) -> dict[str, float]:
     """Shapley values: the mean over all orders of what each adds to a coalition.
 
     Args:

@@ -58,7 +58,9 @@ def _coast(t, low, high):
 
 CATALOGUE = (
     Manoeuvre("a chirp of 0.1 to 6 Hz for 60 s", _chirp),
-    Manoeuvre("a sine of 0.5 Hz whose amplitude grows from nothing to full range over 60 s", _sweep),
+    Manoeuvre(
+        "a sine of 0.5 Hz whose amplitude grows from nothing to full range over 60 s", _sweep
+    ),
     Manoeuvre("a ladder of five levels up and down", _ladder),
     Manoeuvre("repeated steps between two levels, every 3 s", _steps),
     Manoeuvre("random levels over the whole range, every 1.5 s", _levels),
@@ -80,7 +82,9 @@ def separate(stage: Stage, final: Refit, number: int, rival: Refit) -> str:
         batch = CATALOGUE[start : start + runs]
         u = np.stack([m.command(t, low, high) for m in batch])
         u = np.concatenate([u, np.repeat(u[:1], runs - len(batch), axis=0)])
-        drive = replace(stage, u=u, mask=np.ones_like(stage.mask), held_out=np.zeros_like(stage.mask))
+        drive = replace(
+            stage, u=u, mask=np.ones_like(stage.mask), held_out=np.zeros_like(stage.mask)
+        )
         y = drive.simulate(np.stack([final.hypothesis.theta, rival.hypothesis.theta]))
         J = sensitivities(drive, [rival.hypothesis], [y[1]])[0]
         both = np.concatenate([(y[0] - y[1])[None], J])
@@ -94,7 +98,8 @@ def separate(stage: Stage, final: Refit, number: int, rival: Refit) -> str:
             if apart > best[0]:
                 best = (apart, manoeuvre.words)
     if best[0] < NEEDED:
-        return f"none of the catalogue does: the best, {best[1]}, reaches λ = {best[0]:.1f} of {NEEDED:.0f}"
+        reached = f"reaches λ = {best[0]:.1f} of {NEEDED:.0f}"
+        return f"none of the catalogue does: the best, {best[1]}, {reached}"
     return f"{best[1]} (predicted separation λ = {min(best[0], 1e6):.0f}; {NEEDED:.0f} suffice)"
 
 

@@ -36,8 +36,8 @@ class Named:
         cause, where, channel, form, parameters: as in `Finding`.
         statistic: twice the log-likelihood; `freedom` of its parameters.
         rivals: as in `Finding`.
-        search, number: the stage that found it and its number there; None for one of the body, whose
-            number is `body`.
+        search, finding: the stage that found it and what it found there; None for one of the body,
+            which is `body`.
         promised: what the screen had predicted of the statistic.
     """
 
@@ -78,8 +78,17 @@ def of_stage(search: Search, units: tuple[str, str], twin: str | None) -> list[N
         ]
         found.append(
             Named(
-                slot.cause, slot.where, None, form_of(slot), estimates(slot, search.final, search, units),
-                finding.gain, len(slot.index), _one_each(rivals), finding.promised, search, finding,
+                slot.cause,
+                slot.where,
+                None,
+                form_of(slot),
+                estimates(slot, search.final, search, units),
+                finding.gain,
+                len(slot.index),
+                _one_each(rivals),
+                finding.promised,
+                search,
+                finding,
             )  # fmt: skip
         )
     return found
@@ -97,12 +106,21 @@ def of_body(search: BodySearch) -> list[Named]:
             for name, i, unit in zip(cause.names, index, cause.units, strict=True)
         }
         rivals = [
-            Rival(CAUSES[k].cause, CAUSES[k].where, lack, lack < MARGIN) for k, lack in finding.others
+            Rival(CAUSES[k].cause, CAUSES[k].where, lack, lack < MARGIN)
+            for k, lack in finding.others
         ]
         found.append(
             Named(
-                cause.cause, cause.where, cause.channel, "", parameters, finding.gain, len(index),
-                _one_each(rivals), finding.promised, body=finding,
+                cause.cause,
+                cause.where,
+                cause.channel,
+                "",
+                parameters,
+                finding.gain,
+                len(index),
+                _one_each(rivals),
+                finding.promised,
+                body=finding,
             )  # fmt: skip
         )
     return found
@@ -175,8 +193,8 @@ def _renamed(cause: str, told: dict[str, Estimate]) -> dict[str, Estimate]:
 
 
 def merged(causes: list[Named], body: Body | None) -> list[Named]:
-    """Causes of actuators and of the body, with those that are one sensor's told as such: a delay or
-    an offset of an actuator that the body takes back is its sensor's."""
+    """Causes of actuators and of the body, with those that are one sensor's told as such: a delay
+    or an offset of an actuator that the body takes back is its sensor's."""
     kept = list(causes)
     for channel, plant in (("delta", "steering"), ("v", "powertrain")):
         for word, actuator, parameter in (

@@ -60,7 +60,9 @@ class Runs:
 
     def channel(self, name: str) -> Float[np.ndarray, "R N"]:
         """A channel, padded by its last value; zeros where a record lacks it."""
-        return np.stack([self._padded(r[name] if name in r else np.zeros(r.n), i) for i, r in self._each()])
+        return np.stack(
+            [self._padded(r[name] if name in r else np.zeros(r.n), i) for i, r in self._each()]
+        )
 
     def seen(self, name: str) -> np.ndarray:
         """(R, N) whether the channel was measured there."""
@@ -91,9 +93,9 @@ class Runs:
 
 
 def slower(record: Record) -> Record:
-    """A vehicle's record at about 50 Hz, where it was sampled faster: commands are averaged over the
-    longer rows, measurements are those at their beginning. A plant that is no vehicle's is left as it
-    is, since its time scale is unknown."""
+    """A vehicle's record at about 50 Hz, where it was sampled faster: commands are averaged over
+    the longer rows, measurements are those at their beginning. A plant that is no vehicle's is left
+    as it is, since its time scale is unknown."""
     every = round(_ROW / record.dt)
     if record.vehicle is None or every < 2:
         return record
@@ -136,7 +138,16 @@ def lay_out(records: Sequence[Record]) -> Runs:
             for a, b in zip(edges[:-1], edges[1:], strict=True):
                 split = int((b - a) * (1.0 - _HELD_OUT))
                 split = (0 if k in judges else int(b - a)) if count > 1 else split
-                pieces.append((segment.run, record, int(a), int(b), float(record.t[a] - record.t[first]), split))
+                pieces.append(
+                    (
+                        segment.run,
+                        record,
+                        int(a),
+                        int(b),
+                        float(record.t[a] - record.t[first]),
+                        split,
+                    )
+                )
     longest = max(p[3] - p[2] for p in pieces)
     long = [p for p in pieces if p[3] - p[2] >= max(40, longest // 20)]
     if len(long) > _MOST_RUNS:
@@ -221,7 +232,8 @@ def make_stage(name, u, y, mask, held_out, shared, allowed, wheres, dt) -> Stage
 def replace_scales(scales: Scales, **new: float) -> Scales:
     """The same sizes but some."""
     names = scales.__dataclass_fields__
-    return Scales(**{name: new.get(name, getattr(scales, name)) for name in names})
+    values = {name: getattr(scales, name) for name in names} | new
+    return Scales(**values)
 
 
 def _look(stage: Stage) -> tuple[float, np.ndarray]:
@@ -273,7 +285,9 @@ def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
         seen = runs.seen("x") & runs.seen("y") & runs.seen("psi") & moving
         whole = seen & np.roll(seen, -window, axis=1)
         whole[:, -window:] = False
-        for c, values in zip(CHANNELS[1:], increments(x, y, np.unwrap(psi, axis=1), window), strict=True):
+        for c, values in zip(
+            CHANNELS[1:], increments(x, y, np.unwrap(psi, axis=1), window), strict=True
+        ):
             measured[c] = values
             mask[c] = whole & ~held & ~np.roll(held, -window, axis=1)
             held_out[c] = whole & held
@@ -307,7 +321,7 @@ def _smoothed(y: np.ndarray, dt: float) -> np.ndarray:
 
 
 def _inside(runs: Runs) -> np.ndarray:
-    """(R, N) all but half a second at both ends of each run, which a sensor's delay reaches over."""
+    """(R, N) all but half a second at both ends of each run, beyond which a delay reaches."""
     edge = max(1, round(WINDOW / runs.dt))
     at = np.arange(runs.length)
     sizes = [b - a for a, b in zip(runs.starts, runs.stops, strict=True)]

@@ -246,6 +246,7 @@ def _advance(stage: Stage, lanes: list[_Lane], counted: np.ndarray) -> None:
     _differ(stage, stale, counted)
     trials, scales = [], []
     for lane in lanes:
+        assert lane.white_slopes is not None
         rows = np.concatenate([lane.white_error[None], lane.white_slopes])
         gram = _project(stage, lane, counted, rows)
         normal, slope = gram[1:, 1:], gram[1:, 0]

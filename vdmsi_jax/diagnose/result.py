@@ -282,5 +282,7 @@ class Diagnosis:
 
     def plot(self) -> Any:
         """The whole answer as one figure: measured and simulated, residuals, gains, budget."""
-        plots: Any = importlib.import_module("vdmsi_jax.plots")  # loaded when a picture is asked for
+        plots: Any = importlib.import_module(
+            "vdmsi_jax.plots"
+        )  # loaded when a picture is asked for
         return plots.diagnosis(self)

@@ -128,5 +128,3 @@ def only(search: Search, kept: tuple[int, ...]) -> np.ndarray:
             index = list(search.stage.slots[number].index)
             theta[index] = search.stage.off[index]
     return search.stage.simulate(theta[None])[0]
-
-

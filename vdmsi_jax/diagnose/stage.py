@@ -21,7 +21,7 @@ from ..models.state_space import StateSpace
 from ..parameters import Parameter, parameters
 
 POLES = 4
-LEAD = 2 * POLES  # where the lead of forces stands in a vector
+LEAD = 2 * POLES  # where the lead of forces stands in a vector, in units of 1 / pace
 _LANES = 16  # of a compiled program
 
 
@@ -108,7 +108,7 @@ class Stage:
     def bounds(self) -> tuple[Float[np.ndarray, " P"], Float[np.ndarray, " P"]]:
         """Lower and upper bounds."""
         low, high = np.full(self.off.size, -np.inf), np.full(self.off.size, np.inf)
-        low[LEAD], high[LEAD] = 0.0, 30.0 * self.scales.time_constant
+        low[LEAD], high[LEAD] = 0.0, 30.0
         for slot in self.slots:
             for i, known in zip(slot.index, slot.known, strict=True):
                 low[i], high[i] = known.lower, known.upper
@@ -118,7 +118,6 @@ class Stage:
     def usual(self) -> Float[np.ndarray, " P"]:
         """Sizes that the parameters usually have, for differences and damping."""
         size = np.ones(self.off.size)
-        size[LEAD] = self.scales.time_constant
         for number in self.allowed:
             slot = self.slots[number]
             probes = np.array(slot.effect.probes(self.scales))
@@ -152,8 +151,8 @@ class Stage:
         if used.all():
             return self
         signals = self.signals
-        rows = [getattr(signals, name)[used] for name in ("t", "v", "other", "distance")]
-        signals = Signals(*rows, signals.slowness, signals.lead, signals.h, signals.substeps)
+        names = ("t", "v", "other", "distance")
+        signals = replace(signals, **{name: getattr(signals, name)[used] for name in names})
         parts = {name: getattr(self, name)[used] for name in ("u", "y", "mask", "held_out")}
         return replace(self, signals=signals, **parts)
 
@@ -174,7 +173,7 @@ class Stage:
             lanes = sequence[fine[sequence] == stepped]
             for part in np.split(lanes, range(_LANES, len(lanes), _LANES)):
                 if part.size:
-                    y[part] = self._simulate(theta[part], on[part].any(axis=0), stepped)
+                    y[part] = self._simulate(theta[part], np.any(on[part], axis=0), stepped)
         return y
 
     def _simulate(self, theta: np.ndarray, on: np.ndarray, stepped: bool) -> np.ndarray:
@@ -209,11 +208,11 @@ class Unravel(eqx.Module):
 
     def __call__(self, vector: Float[ArrayLike, " P"]) -> tuple[AbstractEffect, ...]:
         """The effects with the parameters in `vector`."""
-        at, made = 0, []
+        values, at, made = jnp.asarray(vector), 0, []
         for effect in self.effects:
             for name in parameters(effect):
                 old = getattr(effect, name)
-                new = jnp.asarray(vector[at : at + old.size]).reshape(old.shape)
+                new = values[at : at + old.size].reshape(old.shape)
                 at += old.size
                 effect = eqx.tree_at(lambda e, name=name: getattr(e, name), effect, new)
             made.append(effect)

@@ -1,9 +1,9 @@
 """Is there structure left? Tests on what a model leaves that need no hypothesis.
 
 Three of them: does a regression on inputs, states and time, judged on blocks that it has not seen,
-explain more of the innovations than it does of the same innovations shifted in time; is the energy of
-short windows beyond what their spread allows (drop-outs, knocks); and is the error on data held out
-larger than on those fitted.
+explain more of the innovations than it does of the same innovations shifted in time; is the energy
+of short windows beyond what their spread allows (drop-outs, knocks); and is the error on data held
+out larger than on those fitted.
 """
 
 from collections.abc import Mapping
@@ -54,12 +54,16 @@ def structure(
         found.append(Unexplained(channel, share, ("t",), when, "energy of short windows"))
     worse = _worse(innovations, mask, held_out, dt)
     if worse is not None:
-        found.append(Unexplained(channel, worse, ("run",), (), "the error on data held out is larger"))
+        found.append(
+            Unexplained(channel, worse, ("run",), (), "the error on data held out is larger")
+        )
     return found
 
 
 def _dependence(e, mask, regressors, seed) -> tuple[float, tuple[str, ...]] | None:
-    names = [n for n, x in regressors.items() if np.std(x[mask]) > 1e-9 * (1 + np.abs(x[mask]).max())]
+    names = [
+        n for n, x in regressors.items() if np.std(x[mask]) > 1e-9 * (1 + np.abs(x[mask]).max())
+    ]
     if not names or mask.sum() < 40 * _BLOCKS:
         return None
     scaled = {}

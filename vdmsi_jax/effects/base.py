@@ -193,8 +193,8 @@ class AbstractEffect(eqx.Module):
 def late(
     y: Float[Array, " M"], steps: Float[Array, ""], before: Float[Array, ""] | None = None
 ) -> Float[Array, " M"]:
-    """`y` later by so many samples, not necessarily whole; `before`, or else the first value, stands
-    before them.
+    """`y` later by so many samples, not necessarily whole; `before`, or else the first value,
+    stands before them.
 
     Linear between samples, which is the exact mean over a sub-step of a signal that is held
     between them. Exactly `y` at zero; negative values look ahead.

@@ -1,0 +1,399 @@
+"""From what was found to the verdict: confirmed on data held out, ranked, told, and what is left."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..config import PlantSpec
+from ..data.record import Record
+from .body import CAUSES, CHANNELS, Body
+from .body_search import BodySearch, at_fixed, residual
+from .budget import of_channel, of_path
+from .colour import whiten
+from .detectability import detectable
+from .extension import extended_model, plain_model
+from .judge import Scored, confirmed, fit_percent, gain_of
+from .manoeuvres import separate
+from .naming import Named, merged, of_body, of_stage, without
+from .prepare import Runs, steering_angle
+from .refit import Refit, refit
+from .result import ChannelScore, Diagnosis, Finding, Gain, Response, Rival, Unexplained
+from .road import Road
+from .screen import screen
+from .search import Search
+from .search import _with as joined
+from .unexplained import structure
+from .words import sentence, summary
+
+MINOR = 0.02
+"""Share of the held-out squared error of its channel below which a significant cause is minor."""
+
+_DOUBTFUL = 0.05  # share of a cause that makes the path no better, below which it is minor
+
+_TWINS = {"powertrain": "v", "steering": "delta"}
+_SENSED = {"transport_delay": "sensor_delay", "offset": "sensor_bias"}
+
+
+@dataclass
+class Evidence:
+    """Everything that was found, on its way to a diagnosis."""
+
+    records: Sequence[Record]
+    runs: Runs
+    searches: Mapping[PlantSpec, Search]
+    bodily: BodySearch | None
+    unseen: tuple[str, ...]
+
+    def diagnosis(self) -> Diagnosis:
+        """Confirm on data held out, rank, and look at what is left."""
+        road = self._road()
+        causes = [(cause, self._gain(cause)) for cause in self._causes()]
+        sure = [(c, g, t) for c, (g, t) in causes if t > 0.0]
+        findings, minor = [], []
+        for cause, gain, _ in sure:
+            share = max(0.0, 1.0 - gain.mse_after / max(gain.mse_before, 1e-300))
+            found = self._finding(cause, gain, share, road)
+            (minor if share < MINOR or self._negligible(found) else findings).append(found)
+        findings.sort(key=lambda f: -f.share)
+        minor.sort(key=lambda f: -f.share)
+        left = self._left()
+        scores = {c: self._scores(c) for c in ("baseline", "extended")}
+        budget = self._budget([c for c, _, _ in sure], road)
+        serious = [u for u in left if u.fraction > 0.02]
+        verdict = "explained" if findings else "no_effect"
+        if serious and (not findings or max(u.fraction for u in serious) > 0.3):
+            verdict = "unexplained_structure"
+        told = Diagnosis(
+            verdict=verdict,
+            findings=tuple(findings),
+            minor=tuple(minor),
+            unexplained=tuple(left),
+            baseline=plain_model(self.searches, self.records),
+            model=extended_model(self.searches, self.bodily, [c for c, _, _ in sure], self.records),
+            orders={s.name: f.baseline.hypothesis.order for s, f in self.searches.items()},
+            channels=scores["baseline"],
+            extended=scores["extended"],
+            ate=None if road is None else road.ate(),
+            budget=tuple(budget),
+            detectable=tuple(
+                d
+                for spec, found in self.searches.items()
+                for d in detectable(found.stage, found.final, self._units(spec))
+            ),
+            unseen=self.unseen,
+            responses=tuple(self._responses()),
+            paths=() if road is None else tuple(road.paths()),
+            records=tuple(self.records),
+            held_out=self._held_out(),
+            summary="",
+        )
+        return replace(told, summary=summary(told))
+
+    def _negligible(self, found: Finding) -> bool:
+        """Whether a sensor is late by less than half a sample, as every body is, or a small gain in
+        one channel is none on the road."""
+        value = next(iter(found.parameters.values())).value
+        late = found.cause in ("sensor_delay", "sensor_lag") and abs(value) < 0.5 * self.runs.dt
+        g = found.gain
+        worse = g.ate_before is not None and g.ate_after is not None and g.ate_after > g.ate_before
+        return late or (worse and found.share < _DOUBTFUL)
+
+    def _units(self, spec: PlantSpec) -> tuple[str, str]:
+        units = self.records[0].units
+        return units.get(spec.input, "rad"), units.get(spec.output, "rad")
+
+    def _causes(self) -> list[Named]:
+        body = None if self.bodily is None else self.bodily.body
+        found = []
+        for spec, own in self.searches.items():
+            for cause in of_stage(own, self._units(spec), _TWINS.get(spec.name)):
+                found.append(self._with_twin(spec, cause))
+        if self.bodily is not None:
+            found += of_body(self.bodily)
+        return merged(found, body)
+
+    def _with_twin(self, spec: PlantSpec, cause: Named) -> Named:
+        """A cause of an actuator whose sensor may have done the same, if the body lets it."""
+        word, channel = _SENSED.get(cause.cause), _TWINS.get(spec.name)
+        if word is None or channel is None:
+            return cause
+        lack = 0.0
+        if self.bodily is not None:
+            lack = self._lack_of_twin(word, channel, cause)
+        rival = Rival(word, "sensor", lack, lack < 7.5)
+        return replace(cause, rivals=tuple(sorted((*cause.rivals, rival), key=lambda r: r.deficit)))
+
+    def _lack_of_twin(self, word: str, channel: str, cause: Named) -> float:
+        assert self.bodily is not None
+        number = next(
+            (i for i, c in enumerate(CAUSES) if (c.cause, c.channel) == (word, channel)), None
+        )
+        value = next(iter(cause.parameters.values())).value
+        if number is None and word == "sensor_bias":  # of the angle: as wheels that stand otherwise
+            number = next(
+                i for i, c in enumerate(CAUSES) if (c.cause, c.where) == ("offset", "vehicle")
+            )
+            value = -value
+        if number is None or number in self.bodily.final.active:
+            return 0.0
+        return at_fixed(self.bodily, number, value)
+
+    # ---- gains -----------------------------------------------------------------------------
+
+    def _scored(self, cause: Named) -> tuple[Scored, np.ndarray, bool]:
+        if cause.search is not None and cause.finding is not None:
+            stage, final = cause.search.stage, cause.search.final
+            use = stage.held_out if stage.held_out.sum() > 50 else stage.mask
+            name = next(s.output for s, f in self.searches.items() if f is cause.search)
+            less = without(cause.search, cause.finding)
+            return Scored(name, stage.y, less.y, final.y, final.colour), use, use is stage.held_out
+        assert self.bodily is not None and cause.body is not None
+        body, final, less = self.bodily.body, self.bodily.final, cause.body.less
+        best = None
+        for c in body.measured:
+            use = body.held_out[c] if body.held_out[c].sum() > 50 else body.mask[c]
+            scored = Scored(
+                c, body.measured[c], body.measured[c] - _left(body, less, c, use),
+                body.measured[c] - _left(body, final, c, use), final.colour[c],
+            )  # fmt: skip
+            worth = confirmed(scored, use)
+            if best is None or worth > best[0]:
+                best = (worth, scored, use, use is body.held_out[c])
+        assert best is not None
+        return best[1], best[2], best[3]
+
+    def _gain(self, cause: Named) -> tuple[Gain, float]:
+        scored, use, held = self._scored(cause)
+        worth = confirmed(scored, use) if held else cause.statistic
+        return gain_of(scored, use, held, self.runs.dt), worth
+
+    def _finding(self, cause: Named, gain: Gain, share: float, road: Road | None) -> Finding:
+        if road is not None:
+            before, after = road.without(cause), road.extended_mean
+            gain = replace(gain, ate_before=before, ate_after=after)
+        predicted = None
+        if cause.promised > 0.0 and cause.statistic > 0.0:
+            part = min(cause.promised / cause.statistic, 1.0)
+            after = gain.before + part * (gain.after - gain.before)
+            mse = gain.mse_before + part * (gain.mse_after - gain.mse_before)
+            predicted = replace(
+                gain, after=after, mse_after=mse, se=math.nan, held_out=False,
+                ate_before=None, ate_after=None,
+            )  # fmt: skip
+        open_ = [r for r in cause.rivals if r.indistinguishable]
+        experiment = self._experiment(cause, open_) if open_ else None
+        found = Finding(
+            cause=cause.cause,
+            where=cause.where,
+            channel=cause.channel,
+            form=cause.form,
+            parameters=cause.parameters,
+            statistic=cause.statistic,
+            p_value=_chi_squared(cause.statistic, cause.freedom),
+            gain=gain,
+            predicted_gain=predicted,
+            share=share,
+            rivals=cause.rivals,
+            separating_experiment=experiment,
+            sentence="",
+        )
+        return replace(found, sentence=sentence(found))
+
+    def _experiment(self, cause: Named, rivals: Sequence[Rival]) -> str:
+        if cause.search is None or cause.finding is None:
+            return _BODILY.get(
+                cause.cause, "constant steering angles with ramps of speed, both ways"
+            )
+        for k, _ in cause.finding.others:
+            slot = cause.search.stage.slots[k]
+            if any((slot.cause, slot.where) == (r.cause, r.where) for r in rivals):
+                other = _in_place(cause.search, cause.finding.less, k)
+                return separate(cause.search.stage, cause.search.final, cause.finding.number, other)
+        return _SENSOR
+
+    # ---- what is left ----------------------------------------------------------------------
+
+    def _left(self) -> list[Unexplained]:
+        found = []
+        for spec, own in self.searches.items():
+            stage, final = own.stage, own.final
+            e = np.where(stage.mask | stage.held_out, stage.y - final.y, 0.0)
+            white = whiten(e[None], final.colour[None])[0]
+            rate = np.gradient(final.y, stage.dt, axis=1)
+            regressors = {spec.input: stage.u, spec.output: final.y, f"rate of {spec.output}": rate}
+            regressors["t"] = np.asarray(stage.signals.t)
+            if np.any(np.asarray(stage.signals.other)):
+                regressors["the other command"] = np.asarray(stage.signals.other)
+            found += structure(
+                spec.output,
+                white,
+                stage.mask,
+                stage.held_out,
+                regressors,
+                self.runs.names,
+                stage.dt,
+            )
+        if self.bodily is not None:
+            body, final = self.bodily.body, self.bodily.final
+            regressors = {"v": body.v, "delta": body.delta, "t": self.runs.time()}
+            regressors["lateral acceleration"] = body.v**2 * body.delta
+            for c in ("r",):
+                if c in body.measured:
+                    whole = body.mask[c] | body.held_out[c]
+                    e = _left(body, final, c, whole)
+                    white = whiten(e[None], final.colour[c][None])[0]
+                    found += structure(
+                        c,
+                        white,
+                        body.mask[c],
+                        body.held_out[c],
+                        regressors,
+                        self.runs.names,
+                        body.dt,
+                    )
+        return found
+
+    def _scores(self, which: str) -> dict[str, ChannelScore]:
+        found = {}
+        for spec, own in self.searches.items():
+            stage = own.stage
+            fit = own.baseline if which == "baseline" else own.final
+            use = stage.held_out if stage.held_out.sum() > 50 else stage.mask
+            e, y = (stage.y - fit.y)[use], stage.y[use]
+            noise = float(np.std((stage.y - own.final.y)[stage.mask]))
+            ceiling = fit_percent(y, np.full(y.shape, noise))
+            found[spec.output] = ChannelScore(
+                fit_percent(y, e), float(np.mean(e**2)), noise, ceiling
+            )
+        if self.bodily is not None:
+            body = self.bodily.body
+            fit = self.bodily.plain if which == "baseline" else self.bodily.final
+            for c in ("r",):
+                if c in body.measured:
+                    use = body.held_out[c] if body.held_out[c].sum() > 50 else body.mask[c]
+                    e, y = _left(body, fit, c, use)[use], body.measured[c][use]
+                    own = _left(body, self.bodily.final, c, body.mask[c])[body.mask[c]]
+                    noise = float(np.std(own))
+                    ceiling = fit_percent(y, np.full(y.shape, noise))
+                    found[c] = ChannelScore(fit_percent(y, e), float(np.mean(e**2)), noise, ceiling)
+        return found
+
+    def _responses(self) -> list[Response]:
+        made = []
+        for spec, own in self.searches.items():
+            stage = own.stage
+            known = stage.mask | stage.held_out
+            e = np.where(known, stage.y - own.final.y, 0.0)
+            white = whiten(e[None], own.final.colour[None])[0]
+            units = self._units(spec)
+            made.append(
+                Response(
+                    spec.name,
+                    spec.input,
+                    spec.output,
+                    units[1],
+                    units[0],
+                    self.runs.names,
+                    stage.dt,
+                    self.runs.time(),
+                    stage.u,
+                    stage.y,
+                    own.baseline.y,
+                    own.final.y,
+                    white,
+                    known,
+                    stage.held_out,
+                )  # fmt: skip
+            )
+        if self.bodily is not None and "r" in self.bodily.body.measured:
+            body = self.bodily.body
+            known = body.mask["r"] | body.held_out["r"]
+            fits = (self.bodily.plain, self.bodily.final)
+            before, after = (body.measured["r"] - _left(body, f, "r", known) for f in fits)
+            e = np.where(known, body.measured["r"] - after, 0.0)
+            white = whiten(e[None], self.bodily.final.colour["r"][None])[0]
+            made.append(
+                Response(
+                    "vehicle",
+                    "delta",
+                    "r",
+                    "rad/s",
+                    "rad",
+                    self.runs.names,
+                    body.dt,
+                    self.runs.time(),
+                    body.delta,
+                    body.measured["r"],
+                    before,
+                    after,
+                    white,
+                    known,
+                    body.held_out["r"],
+                )  # fmt: skip
+            )
+        return made
+
+    def _road(self) -> Road | None:
+        if self.bodily is None or not {*CHANNELS[1:]} <= set(self.bodily.body.measured):
+            return None
+        angle = steering_angle(self.runs)
+        assert angle is not None
+        return Road(
+            self.runs, {s.output: f for s, f in self.searches.items()}, self.bodily, angle[0]
+        )
+
+    def _budget(self, causes: Sequence[Named], road: Road | None) -> list:
+        found = [
+            of_channel(
+                spec.output, self._units(spec)[1], own, [c for c in causes if c.search is own]
+            )
+            for spec, own in self.searches.items()
+        ]
+        return found if road is None else [*found, of_path(road, causes)]
+
+    def _held_out(self) -> str:
+        if len(self.records) > 1:
+            judges = [
+                r.name for r, s in zip(self.runs.records, self.runs.split, strict=True) if s == 0
+            ]
+            return "whole logs: " + ", ".join(dict.fromkeys(judges))
+        return "the last 30 % of each stretch of the log"
+
+
+def _in_place(found: Search, less: Refit, number: int) -> Refit:
+    """The model with another cause in the place of one."""
+    candidate = next(c for c in screen(found.stage, less) if c.number == number)
+    return refit(found.stage, [joined(less.hypothesis, candidate)])[0]
+
+
+def _left(body: Body, fit, channel: str, use: np.ndarray) -> np.ndarray:
+    """Residual of a channel of the body after the chain rule, also where no fit has looked."""
+    return residual(body, fit, channel, use)
+
+
+def _chi_squared(statistic: float, freedom: int) -> float:
+    """Probability that a chi-squared variable exceeds `statistic`, by its finite sums."""
+    x, k = 0.5 * max(statistic, 0.0), freedom
+    if k % 2 == 0:
+        terms = [x**i / math.factorial(i) for i in range(k // 2)]
+        return math.exp(-x) * sum(terms) if x < 700 else 0.0
+    tail = math.erfc(math.sqrt(x))
+    terms = [x ** (i + 0.5) / math.gamma(i + 1.5) for i in range(k // 2)]
+    return tail + (math.exp(-x) * sum(terms) if x < 700 else 0.0)
+
+
+_SENSOR = (
+    "log the yaw rate and the pose beside this channel: a sensor's fault is not seen in them, "
+    "and an actuator's is"
+)
+_BODILY = {
+    "understeer": "constant steering with a speed ramp",
+    "geometry_scale": "constant steering with a speed ramp",
+    "bank": "the same road in both directions",
+    "offset": "the same road in both directions",
+    "sensor_lag": "a steering chirp of 0.1 to 6 Hz",
+    "sensor_delay": "a steering chirp of 0.1 to 6 Hz",
+    "tyre_relaxation": "a steering chirp of 0.1 to 6 Hz at two speeds",
+}
