@@ -67,7 +67,7 @@ def _tasks(full: bool) -> list[Task]:
             tasks.append(task((cause,), "repeat", "small", 5000 + number, repeat=True))
     for i in range(0, CLEAN, 1 if full else 25):
         style = ("rich", "plain", "rich", "two_level")[i % 4]
-        tasks.append(task((), "clean", seed=6000 + i, driving=style, repeat=i % 5 == 0))
+        tasks.append(task((), "clean", seed=6000 + i, driving=style, repeat=i // 4 % 5 == 0))
     for i in range(CLEAN_PLANTS if full else 0):
         style = ("rich", "plain", "two_level")[i % 3]
         tasks.append(task((), "clean", seed=6000 + i, driving=style, plant=True))

@@ -1,9 +1,9 @@
 """The body and the road: yaw rate and pose, given how the actuators moved.
 
 Speed and angle are those of the fitted actuators; what the actuators' models leave of them is
-passed on by regression (the chain rule of likelihoods), so that one disturbance is not counted twice.
-Poses count as increments over half a second in the body's frame, which need no start and do not pile
-errors up.
+passed on by regression (the chain rule of likelihoods), so that one disturbance does not count
+twice. Poses count as increments over half a second in the body's frame, which need no start and do
+not pile errors up.
 """
 
 from dataclasses import dataclass

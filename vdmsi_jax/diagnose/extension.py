@@ -43,9 +43,16 @@ def extended_model(
         h = found.final.hypothesis
         linear = transfer_function(found.stage, h)
         if not h.active:
-            plants[spec.name] = Plant(spec, linear)
+            _, shift, slow = _sensor_of(bodily, spec.output)
+            plants[spec.name] = Plant(spec, _without_sensor(linear, shift, slow))
             continue
-        effects = Unravel(found.stage.effects)(h.theta[LEAD + 1 :])
+        late, shift, slow = _sensor_of(bodily, spec.output)
+        linear = _without_sensor(linear, shift, slow)
+        theta = h.theta.copy()
+        for slot in found.stage.slots:
+            if slot.cause == "transport_delay":
+                theta[slot.index[0]] = max(theta[slot.index[0]] - late, 0.0)
+        effects = Unravel(found.stage.effects)(theta[LEAD + 1 :])
         on = tuple(effects[k] for k in h.active)
         substeps = found.stage.signals.substeps
         lead = h.theta[LEAD] / found.stage.pace
@@ -83,3 +90,23 @@ def _body(found: BodySearch) -> tuple[tuple[AbstractEffect, ...], tuple]:
             effect = eqx.tree_at(lambda e, name=name: getattr(e, name), effect, value)
             sensors.append((cause.channel, effect))
     return tuple(body), tuple(sensors)
+
+
+def _sensor_of(found: BodySearch | None, channel: str) -> tuple[float, float, float]:
+    """Delay, bias and time constant of a channel's sensor, which the fit of its plant took for the
+    plant's."""
+    told = {"sensor_delay": 0.0, "sensor_bias": 0.0, "sensor_lag": 0.0}
+    if found is None:
+        return 0.0, 0.0, 0.0
+    for k in found.final.active:
+        if CAUSES[k].channel == channel:
+            told[CAUSES[k].cause] = float(found.final.theta[found.body.index[k][0]])
+    return told["sensor_delay"], told["sensor_bias"], told["sensor_lag"]
+
+
+def _without_sensor(plant: TransferFunction, bias: float, lag: float) -> TransferFunction:
+    """The plant alone, where it was fitted with its sensor's bias and lag."""
+    num, den = np.asarray(plant.num), np.asarray(plant.den)
+    if lag > 0.0 and num.size < den.size:
+        num = np.polymul(num, [lag, 1.0])
+    return TransferFunction(num, den, offset=-bias if bias else None)

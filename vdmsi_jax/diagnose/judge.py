@@ -31,6 +31,11 @@ class Scored:
     after: Float[np.ndarray, "R N"]
     colour: Float[np.ndarray, " order"]
 
+    def taken(self, use: Bool[np.ndarray, "R N"]) -> float:
+        """Share of the squared error that the cause takes away."""
+        before, after = (np.mean((self.y - y)[use] ** 2) for y in (self.before, self.after))
+        return 1.0 - float(after) / max(float(before), 1e-300)
+
 
 def fit_percent(y: np.ndarray, error: np.ndarray) -> float:
     """FIT, eq. (3), percent."""

@@ -207,7 +207,6 @@ class Response:
     command: str
     channel: str
     unit: str
-    command_unit: str
     runs: tuple[str, ...]
     dt: float
     t: Float[np.ndarray, "R N"]
@@ -218,6 +217,7 @@ class Response:
     innovations: Float[np.ndarray, "R N"]
     valid: Bool[np.ndarray, "R N"]
     held_out: Bool[np.ndarray, "R N"]
+    command_unit: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,8 @@ from .result import Unexplained
 _SHIFTS = 80
 _SURE = 5.0  # standard deviations of the shifted ones
 _WORTH = 0.01  # share of the innovations' variance below which structure is not spoken of
-_BURST = 9.0
+_SHARP = (4.5, 1.6)  # of white windows: spreads of the logarithm of energy, and its least excess
+_BROAD = (8.0, 3.0)  # of coloured ones, whose energies differ more
 _WORSE = 1.35
 _BLOCKS = 8
 _WINDOW = 0.5  # s
@@ -24,6 +25,7 @@ _WINDOW = 0.5  # s
 
 def structure(
     channel: str,
+    residual: Float[np.ndarray, "R N"],
     innovations: Float[np.ndarray, "R N"],
     mask: Bool[np.ndarray, "R N"],
     held_out: Bool[np.ndarray, "R N"],
@@ -36,7 +38,8 @@ def structure(
 
     Args:
         channel: its name.
-        innovations: whitened residual of the model.
+        residual: what the model leaves; slow structure shows in it.
+        innovations: the same whitened; fast structure shows in it.
         mask: samples that were fitted; `held_out`: those that were not.
         regressors: what structure may depend on.
         runs: names of the runs.
@@ -44,11 +47,14 @@ def structure(
         seed: of the random features.
     """
     found = []
-    dependent = _dependence(innovations, mask, regressors, seed)
+    tried = [_dependence(e, mask, regressors, seed) for e in (innovations, residual)]
+    dependent = max((d for d in tried if d is not None), default=None)
     if dependent is not None:
         share, names = dependent
         found.append(Unexplained(channel, share, names, (), "it depends on inputs and states"))
-    bursts = _bursts(innovations, mask | held_out, runs, dt)
+    known = mask | held_out
+    bursts = _bursts(innovations, known, runs, dt, *_SHARP)
+    bursts = bursts or _bursts(residual, known, runs, dt, *_BROAD)
     if bursts is not None:
         share, when = bursts
         found.append(Unexplained(channel, share, ("t",), when, "energy of short windows"))
@@ -93,6 +99,15 @@ def _features(scaled: Mapping[str, np.ndarray], names: list[str], seed: int) -> 
     return np.concatenate([np.stack(powers), waves])
 
 
+def history(x: Float[np.ndarray, "R N"], seconds: float, dt: float) -> Float[np.ndarray, "R N"]:
+    """Exponential mean of the past, over a time constant in s."""
+    n = x.shape[1]
+    size = 1 << (2 * n).bit_length()
+    weights = np.exp(-dt / seconds * np.arange(n))
+    summed = np.fft.irfft(np.fft.rfft(x, size) * np.fft.rfft(weights, size), size)[:, :n]
+    return summed / np.cumsum(weights)
+
+
 def _judge(e, mask, features) -> tuple[float, float]:
     """Share of the variance that a ridge regression explains on blocks that it has not seen, and by
     how many standard deviations that is beyond the innovations shifted in time."""
@@ -117,7 +132,7 @@ def _judge(e, mask, features) -> tuple[float, float]:
     return float(explained[0]), float((explained[0] - np.mean(explained[1:])) / spread)
 
 
-def _bursts(e, known, runs, dt):
+def _bursts(e, known, runs, dt, spreads: float, least: float):
     """Windows whose energy is beyond the spread of the others."""
     length = max(4, round(_WINDOW / dt))
     energies, places = [], []
@@ -132,7 +147,7 @@ def _bursts(e, known, runs, dt):
     logs = np.log(np.maximum(values, 1e-300))
     middle = np.median(logs)
     spread = max(1.4826 * float(np.median(np.abs(logs - middle))), np.sqrt(2.0 / length))
-    wild = np.flatnonzero(logs > middle + max(_BURST * spread * 0.5, 1.6))
+    wild = np.flatnonzero(logs > middle + max(spreads * spread, least))
     if wild.size == 0:
         return None
     excess = float(np.sum(values[wild] - np.median(values)) / np.sum(values))

@@ -1,4 +1,4 @@
-"""From what was found to the verdict: confirmed on data held out, ranked, told, and what is left."""
+"""From what was found to the verdict: confirmed on held-out data, ranked, and what is left."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -15,21 +15,23 @@ from .colour import whiten
 from .detectability import detectable
 from .extension import extended_model, plain_model
 from .judge import Scored, confirmed, fit_percent, gain_of
+from .lattice import lattice_step
 from .manoeuvres import separate
 from .naming import Named, merged, of_body, of_stage, without
 from .prepare import Runs, steering_angle
 from .refit import Refit, refit
-from .result import ChannelScore, Diagnosis, Finding, Gain, Response, Rival, Unexplained
+from .result import ChannelScore, Diagnosis, Estimate, Finding, Gain, Response, Rival, Unexplained
 from .road import Road
 from .screen import screen
 from .search import Search
 from .search import _with as joined
-from .unexplained import structure
+from .unexplained import history, structure
 from .words import sentence, summary
 
 MINOR = 0.02
 """Share of the held-out squared error of its channel below which a significant cause is minor."""
 
+_COARSE = 0.1  # share of a rounding in what a model leaves, from which it is a finding
 _DOUBTFUL = 0.05  # share of a cause that makes the path no better, below which it is minor
 
 _TWINS = {"powertrain": "v", "steering": "delta"}
@@ -56,6 +58,8 @@ class Evidence:
             share = max(0.0, 1.0 - gain.mse_after / max(gain.mse_before, 1e-300))
             found = self._finding(cause, gain, share, road)
             (minor if share < MINOR or self._negligible(found) else findings).append(found)
+        for found in self._quantised():
+            (findings if found.share >= _COARSE else minor).append(found)
         findings.sort(key=lambda f: -f.share)
         minor.sort(key=lambda f: -f.share)
         left = self._left()
@@ -100,6 +104,26 @@ class Evidence:
         worse = g.ate_before is not None and g.ate_after is not None and g.ate_after > g.ate_before
         return late or (worse and found.share < _DOUBTFUL)
 
+    def _quantised(self) -> list[Finding]:
+        """Sensors whose measurements come in steps that matter beside what the model leaves."""
+        made = []
+        for channel, score in self._scores("extended").items():
+            step = lattice_step(np.concatenate([r[channel] for r in self.records]))
+            if step is None or step**2 / 12.0 < MINOR * score.mse:
+                continue
+            unit = self.records[0].units.get(channel, "1")
+            gain = Gain(channel, score.fit, score.fit, 0.0, score.mse, score.mse)
+            found = Finding(
+                cause="quantization", where="sensor", channel=channel, form="",
+                parameters={"step": Estimate(step, 0.0, unit)}, statistic=math.inf, p_value=0.0,
+                gain=gain, predicted_gain=None, share=min(step**2 / 12.0 / score.mse, 1.0),
+                rivals=(), separating_experiment=None, sentence="",
+            )  # fmt: skip
+            said = f"{channel} sensor: quantization, step {step:.3g} {unit}. Its rounding is "
+            said += f"{100.0 * found.share:.0f} % of what the model leaves of {channel}."
+            made.append(replace(found, sentence=said[:1].upper() + said[1:]))
+        return made
+
     def _units(self, spec: PlantSpec) -> tuple[str, str]:
         units = self.records[0].units
         return units.get(spec.input, "rad"), units.get(spec.output, "rad")
@@ -142,31 +166,34 @@ class Evidence:
 
     # ---- gains -----------------------------------------------------------------------------
 
-    def _scored(self, cause: Named) -> tuple[Scored, np.ndarray, bool]:
+    def _scored(self, cause: Named) -> tuple[Scored, np.ndarray, bool, float]:
+        """The channel that a cause is worth most in, where it is judged, whether no fit has seen it
+        there, and what the cause gains of twice the log-likelihood."""
+        tried, worth = [], 0.0
         if cause.search is not None and cause.finding is not None:
             stage, final = cause.search.stage, cause.search.final
-            use = stage.held_out if stage.held_out.sum() > 50 else stage.mask
             name = next(s.output for s, f in self.searches.items() if f is cause.search)
             less = without(cause.search, cause.finding)
-            return Scored(name, stage.y, less.y, final.y, final.colour), use, use is stage.held_out
-        assert self.bodily is not None and cause.body is not None
-        body, final, less = self.bodily.body, self.bodily.final, cause.body.less
-        best = None
-        for c in body.measured:
-            use = body.held_out[c] if body.held_out[c].sum() > 50 else body.mask[c]
-            scored = Scored(
-                c, body.measured[c], body.measured[c] - _left(body, less, c, use),
-                body.measured[c] - _left(body, final, c, use), final.colour[c],
-            )  # fmt: skip
-            worth = confirmed(scored, use)
-            if best is None or worth > best[0]:
-                best = (worth, scored, use, use is body.held_out[c])
-        assert best is not None
-        return best[1], best[2], best[3]
+            scored = Scored(name, stage.y, less.y, final.y, final.colour)
+            held = bool(stage.held_out.sum() > 50)
+            use = stage.held_out if held else stage.mask
+            worth += confirmed(scored, use)
+            tried.append((scored, use, held))
+        if cause.body is not None and self.bodily is not None:
+            body, final, less = self.bodily.body, self.bodily.final, cause.body.less
+            for c, y in body.measured.items():
+                held = bool(body.held_out[c].sum() > 50)
+                use = body.held_out[c] if held else body.mask[c]
+                # what the chain rule passes on is taken out
+                before, after = (y - _left(body, f, c, use) for f in (less, final))
+                worth += confirmed(Scored(c, y, before, after, final.colour[c]), use)
+                before, after = less.predicted[c], final.predicted[c]
+                tried.append((Scored(c, y, before, after, final.colour[c]), use, held))
+        scored, use, held = max(tried, key=lambda t: t[0].taken(t[1]))
+        return scored, use, held, worth if held else cause.statistic
 
     def _gain(self, cause: Named) -> tuple[Gain, float]:
-        scored, use, held = self._scored(cause)
-        worth = confirmed(scored, use) if held else cause.statistic
+        scored, use, held, worth = self._scored(cause)
         return gain_of(scored, use, held, self.runs.dt), worth
 
     def _finding(self, cause: Named, gain: Gain, share: float, road: Road | None) -> Finding:
@@ -224,10 +251,14 @@ class Evidence:
             rate = np.gradient(final.y, stage.dt, axis=1)
             regressors = {spec.input: stage.u, spec.output: final.y, f"rate of {spec.output}": rate}
             regressors["t"] = np.asarray(stage.signals.t)
+            for seconds in (1.0, 8.0):
+                past = history(np.abs(stage.u), seconds, stage.dt)
+                regressors[f"the past {seconds:.0f} s of {spec.input}"] = past
             if np.any(np.asarray(stage.signals.other)):
                 regressors["the other command"] = np.asarray(stage.signals.other)
             found += structure(
                 spec.output,
+                e,
                 white,
                 stage.mask,
                 stage.held_out,
@@ -246,6 +277,7 @@ class Evidence:
                     white = whiten(e[None], final.colour[c][None])[0]
                     found += structure(
                         c,
+                        e,
                         white,
                         body.mask[c],
                         body.held_out[c],
@@ -294,7 +326,6 @@ class Evidence:
                     spec.input,
                     spec.output,
                     units[1],
-                    units[0],
                     self.runs.names,
                     stage.dt,
                     self.runs.time(),
@@ -305,7 +336,8 @@ class Evidence:
                     white,
                     known,
                     stage.held_out,
-                )  # fmt: skip
+                    command_unit=units[0],
+                )
             )
         if self.bodily is not None and "r" in self.bodily.body.measured:
             body = self.bodily.body
@@ -320,7 +352,6 @@ class Evidence:
                     "delta",
                     "r",
                     "rad/s",
-                    "rad",
                     self.runs.names,
                     body.dt,
                     self.runs.time(),
@@ -331,7 +362,8 @@ class Evidence:
                     white,
                     known,
                     body.held_out["r"],
-                )  # fmt: skip
+                    command_unit="rad",
+                )
             )
         return made
 
