@@ -6,14 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 
+from . import hunt_pictures as pictures
 from . import hunt_scores as score
 from .hunt_scores import Line, Rate, rate
 
-INK, BLUE, ORANGE, GREY = "#1b1f24", "#0072b2", "#d55e00", "#6b7280"
-_LAST = ("elsewhere", "unexplained", "none")
 _MOST_SHOWN = 25
 
 
@@ -22,8 +19,8 @@ def write(lines: Sequence[Line], folder: Path, plan: str, planned: int) -> None:
     (folder / "hunt.md").write_text(markdown(lines, plan, planned))
     singles = _singles(_finished(lines))
     if singles:
-        confusion(singles).savefig(folder / "confusion.png", dpi=120)
-        detection(singles).savefig(folder / "detection.png", dpi=120)
+        pictures.confusion(singles).savefig(folder / "confusion.png", dpi=120)
+        pictures.detection(singles).savefig(folder / "detection.png", dpi=120)
 
 
 def markdown(lines: Sequence[Line], plan: str, planned: int) -> str:
@@ -256,11 +253,11 @@ def _short(whole: Sequence[Line], crashed: Sequence[Line]) -> str:
         ],
         "spurious further causes": [(x, _said(x)) for x in singles if score.judged(x).spurious],
         "missed though λ₀ ≥ 49": [
-            (x, f"λ₀ {x['lambda0']:.0f}, {x['verdict']}")
+            (x, f"λ₀ {x['lambda0']:.0f}, {x['verdict']}; {_gap(x)}")
             for x in _above(singles, 49.0) if not score.judged(x).detected
         ],
         "only minor though λ₀ ≥ 49": [
-            (x, f"λ₀ {x['lambda0']:.0f}, FIT {x['fit']}")
+            (x, f"λ₀ {x['lambda0']:.0f}; {_gap(x)}")
             for x in _above(singles, 49.0)
             if score.judged(x).detected and not x["findings"]
         ],
@@ -285,65 +282,18 @@ def _said(line: Line) -> str:
     return "; ".join(told) or line["verdict"]
 
 
+def _gap(line: Line) -> str:
+    """FIT by channel of baseline, extended model, and the best: nothing between the first and the
+    last means that the baseline answers as the cause would."""
+    fits = [
+        f"{c} {before:.2f}, {after:.2f} of {line['attainable'][c]:.2f}"
+        for c, (before, after) in line["fit"].items()
+        if c in line["attainable"]
+    ]
+    return "FIT " + "; ".join(fits)
+
+
 def _left(line: Line) -> str:
     return "; ".join(
         f"{u['channel']} {u['fraction']:.3f}, {u['test']}" for u in line["unexplained"]
     )
-
-
-def confusion(singles: Sequence[Line]) -> Figure:
-    """Rows: what was hidden; columns: what led the answer."""
-    table = score.confusion(singles)
-    rows = sorted({truth for truth, _ in table})
-    told = sorted({x for _, x in table if x not in _LAST} | set(rows))
-    columns = [*told, *_LAST]
-    counts = np.array([[table[a, b] for b in columns] for a in rows], float)
-    shares = counts / np.maximum(counts.sum(1, keepdims=True), 1.0)
-    figure = Figure(
-        figsize=(max(7.5, 2.6 + 0.3 * len(columns)), 2.4 + 0.28 * len(rows)), layout="constrained"
-    )
-    axes = figure.subplots()
-    axes.imshow(shares, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
-    for i, row in enumerate(rows):
-        for j, column in enumerate(columns):
-            if counts[i, j]:
-                ink = "white" if shares[i, j] > 0.55 else INK
-                axes.text(j, i, f"{counts[i, j]:.0f}", ha="center", va="center", color=ink, size=7)
-            if row == column:
-                box = Rectangle((j - 0.5, i - 0.5), 1, 1, fill=False, edgecolor=GREY, linewidth=0.8)
-                axes.add_patch(box)
-    words = [c.replace("_", " ") for c in columns]
-    axes.set_xticks(range(len(columns)), words, rotation=60, ha="right", size=8)
-    axes.set_yticks(range(len(rows)), [r.replace("_", " ") for r in rows], size=8)
-    axes.axvline(len(told) - 0.5, color=INK, linewidth=0.8)
-    axes.set_xlabel("answer that leads (the truth within its set counts as the truth)")
-    axes.set_ylabel("hidden cause")
-    axes.set_title(f"{len(singles)} single causes: cases, shaded by share of the row", loc="left")
-    return figure
-
-
-def detection(singles: Sequence[Line]) -> Figure:
-    """Share detected over lambda0, with intervals, beside the laws."""
-    figure = Figure(figsize=(7.5, 4.2), layout="constrained")
-    axes = figure.subplots()
-    grid = np.geomspace(0.5, 2000.0, 300)
-    curves = ((5.35, BLUE, "-", "prototype"), (4.7, GREY, "--", "oracle"))
-    for threshold, colour, dash, who in curves:
-        label = f"Φ(√λ₀ − {threshold}): {who}"
-        axes.plot(grid, [score.law(x, threshold) for x in grid], dash, color=colour, label=label)
-    for i, (x, r) in enumerate(score.detection(singles)):
-        x, (low, high) = float(np.clip(x, 0.5, 2000.0)), r.interval
-        axes.plot([x, x], [low, high], color=ORANGE, linewidth=1.2)
-        label = "this project, 95 % interval" if i == 0 else None
-        axes.plot([x], [r.share], "o", color=ORANGE, label=label)
-        axes.annotate(f"{r.n}", (x, r.share), (5, -10), textcoords="offset points", size=7)
-    axes.set_xscale("log")
-    axes.set_ylim(-0.03, 1.05)
-    axes.set_xlabel(
-        "λ₀: energy of the cause in innovations, behind a projection off linear filters"
-    )
-    axes.set_ylabel("share detected")
-    axes.set_title("Detection (numbers: cases; outermost points hold what lies beyond)", loc="left")
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False, loc="lower right")
-    return figure

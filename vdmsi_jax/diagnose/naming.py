@@ -240,5 +240,8 @@ def told_unit(slot: Slot, j: int, units: tuple[str, str]) -> str:
 
 
 def without(search: Search, finding: Finding) -> Refit:
-    """The model without a cause: the best plant without any, where it is the only one."""
-    return search.baseline if len(search.findings) == 1 else finding.less
+    """The model without a cause: the best plant without any, where it is the only one and that
+    plant is no larger, since a larger one may imitate a cause by poles and zeros that are none."""
+    plain, final = search.baseline.hypothesis, search.final.hypothesis
+    larger = plain.poles + plain.zeros > final.poles + final.zeros
+    return finding.less if larger or len(search.findings) > 1 else search.baseline

@@ -16,6 +16,7 @@ from .stage import Stage
 
 _LARGEST = 3.0  # a probe may be scaled by so much when its size is estimated
 _TOGETHER = 32  # directions that are judged at once
+_RAGGED = ("quantization", "regime_change")
 _PEAKS = 3  # of the residual's spectrum that are tried as periodic disturbances
 
 
@@ -57,20 +58,22 @@ def screen(stage: Stage, at: Refit) -> list[Candidate]:
     for number, theta, gain in zip(numbers, thetas, gains, strict=True):
         if number not in best or gain > best[number].gain:
             best[number] = Candidate(number, float(gain), theta)
-    stepped = [n for n in best if stage.slots[n].cause == "quantization"]
+    stepped = [n for n in best if stage.slots[n].cause in _RAGGED]
     for n in stepped:
         best[n] = _finer(stage, ground, best[n])
     return sorted(best.values(), key=lambda c: -c.gain)
 
 
 def _finer(stage: Stage, ground: "_Ground", found: Candidate) -> Candidate:
-    """The same cause on a grid about its best step: its likelihood is ragged, and no refit finds
-    its way."""
-    i = stage.slots[found.number].index[0]
+    """The same cause on a grid about its best step, or its best moment: the likelihood of these is
+    ragged, and no refit finds its way far."""
+    slot = stage.slots[found.number]
+    i, moment = slot.index[0], slot.cause == "regime_change"
     for width in (0.06, 0.006):
         thetas = np.repeat(found.theta[None], 32, axis=0)
-        thetas[:, i] *= np.linspace(1.0 - width, 1.0 + width, 32)
-        gains = ground.explained(stage.simulate(thetas) - ground.at.simulated, fixed=True)
+        around = stage.scales.duration if moment else found.theta[i]
+        thetas[:, i] += np.linspace(-width, width, 32) * around
+        gains = ground.explained(stage.simulate(thetas) - ground.at.simulated, fixed=not moment)
         k = int(np.argmax(gains))
         if gains[k] > found.gain:
             found = Candidate(found.number, float(gains[k]), thetas[k])

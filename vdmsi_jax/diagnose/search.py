@@ -110,6 +110,7 @@ def search(stage: Stage) -> Search:
             coefficients = sum(_order(plain.hypothesis))
             orders = [o for o in _SMALL if sum(o) < coefficients]
             starts += [h for order in orders for h in _late(stage, plain, order)]
+            starts += _ringing(stage, plain)
             for smaller in _smaller(grid, plain):
                 own = screen(stage, smaller)[:_FROM_SMALLER]
                 starts += [_with(smaller.hypothesis, c) for c in own]
@@ -229,6 +230,34 @@ def _late(stage: Stage, plain: Refit, order: tuple[int, int]) -> Iterable[Hypoth
     theta[stage.slots[number].index[0]] = max(delay, 0.5 * stage.dt)
     yield h
     yield Hypothesis(h.poles, h.zeros, (number,), theta)
+
+
+def _ringing(stage: Stage, plain: Refit) -> list[Hypothesis]:
+    """The plain plant with its lightly damped poles, and the zeros nearest to them, told as a
+    resonance."""
+    h = plain.hypothesis
+    poles = np.roots(np.concatenate([[1.0], h.theta[: h.poles]]))
+    zeros = np.roots(h.theta[POLES + h.poles - 1 - h.zeros : POLES + h.poles])
+    level = h.theta[POLES + h.poles - 1] / h.theta[h.poles - 1]
+    number = next(i for i, s in enumerate(stage.slots) if s.cause == "resonance")
+    made = []
+    for p in poles[(poles.imag > 0) & (-poles.real < 0.4 * np.abs(poles)) & (poles.real < 0)]:
+        kept = poles[(np.abs(poles - p) > 1e-9) & (np.abs(poles - np.conj(p)) > 1e-9)]
+        if not kept.size:
+            continue
+        far = np.argsort(-np.minimum(np.abs(zeros - p), np.abs(zeros - np.conj(p))))
+        led = zeros[far[: max(min(zeros.size - 2, kept.size - 1), 0)]]
+        den, num = (np.atleast_1d(np.real(np.poly(roots))) for roots in (kept, led))
+        if num[-1] == 0.0:
+            continue
+        start = _of(h, stage, den, num * level * den[-1] / num[-1])
+        for share in (0.3, -0.2):
+            theta = start.theta.copy()
+            theta[list(stage.slots[number].index)] = (
+                abs(p) * stage.pace / (2.0 * np.pi), max(-p.real / abs(p), 0.01), share,
+            )  # fmt: skip
+            made.append(Hypothesis(start.poles, start.zeros, (number,), theta))
+    return made
 
 
 def _of(h: Hypothesis, stage: Stage, den: np.ndarray, num: np.ndarray) -> Hypothesis:

@@ -48,7 +48,7 @@ class Slot:
     @property
     def weight(self) -> float:
         """How many parameters it counts as."""
-        return max(self.effect.weight, float(len(self.index)))
+        return self.effect.weight or float(len(self.index))
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,8 @@ from jaxtyping import Array, Float
 from vdmsi_jax.effects.base import AbstractEffect, Scales, Signals
 from vdmsi_jax.parameters import parameter
 
+_SHARES = (0.97, 0.9, 0.75, 0.55, 0.35)  # of the range, at which limits are tried
+
 
 class Saturation(AbstractEffect):
     """Limits on the command, or on the response behind the dynamics (a stop).
@@ -34,8 +36,8 @@ class Saturation(AbstractEffect):
             high, low = scales.high, -scales.low
         else:
             high, low = scales.y_high, -scales.y_low
-        up = [1.0 / (k * high) if high > 0 else 0.0 for k in (0.97, 0.9, 0.75, 0.55)]
-        down = [1.0 / (k * low) if low > 0 else 0.0 for k in (0.97, 0.9, 0.75, 0.55)]
+        up = [1.0 / (k * high) if high > 0 else 0.0 for k in _SHARES]
+        down = [1.0 / (k * low) if low > 0 else 0.0 for k in _SHARES]
         both = list(zip(up, down, strict=True)) if high > 0 and low > 0 else []
         one = [(a, 0.0) for a in up if a > 0] + [(0.0, b) for b in down if b > 0]
         return both + one
