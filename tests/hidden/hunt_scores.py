@@ -197,13 +197,13 @@ def errors(line: Line, table: dict[str, tuple[str, ...]]) -> list[tuple[str, flo
 
 
 def share_of_attainable(line: Line, least: float = 0.5) -> float | None:
-    """Share of the attainable gain in FIT on held-out data that was realised, in the channel of the
-    leading finding; None where less than `least` percent points can be gained."""
-    channel = line["findings"][0]["gain"][0] if line["findings"] else None
-    if channel not in line["attainable"] or channel not in line["fit"]:
+    """Share of the attainable gain in FIT on held-out data that the leading finding realises, from
+    what it says of the model without it; None where less than `least` percent points can be gained
+    or its channel has no such bound."""
+    if not line["findings"]:
         return None
-    before, after = line["fit"][channel]
-    possible = line["attainable"][channel] - before
+    channel, before, after = line["findings"][0]["gain"]
+    possible = line["attainable"].get(channel, -math.inf) - before
     return (after - before) / possible if possible >= least else None
 
 
