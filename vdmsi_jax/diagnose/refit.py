@@ -346,7 +346,8 @@ def _with_states(stage: Stage, lane: _Lane, counted: np.ndarray) -> Float[np.nda
 
 def _inverse(normal: np.ndarray) -> np.ndarray:
     """Inverse of the normal equations; a parameter without effect gets a huge variance."""
-    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    own = np.diag(normal)
+    scale = np.sqrt(np.maximum(own, 1e-30 * max(float(own.max(initial=0.0)), 1e-100)))
     unit = normal / np.outer(scale, scale) + 1e-12 * np.eye(len(scale))
     return np.linalg.inv(unit) / np.outer(scale, scale)
 
