@@ -27,7 +27,7 @@ NUISANCE_LAG = 0.02
 """Yaw lag that a vehicle may have without its being a finding, s; real ones have 6 to 18 ms."""
 
 CHANNELS = ("r", "psi", "forward", "aside")
-_TAPS = 2  # rows to each side at which an actuator's residual may act
+TAPS = 2  # rows to each side at which an actuator's residual may act
 
 
 @dataclass(frozen=True)

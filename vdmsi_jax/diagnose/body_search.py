@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from .body import _TAPS, CAUSES, CHANNELS, NUISANCE_LAG, Body
+from .body import CAUSES, CHANNELS, NUISANCE_LAG, TAPS, Body
 from .colour import autoregression, filter_length, whiten
 from .search import CAUSE_COST, MARGIN, PARAMETER_COST
 
@@ -314,7 +314,7 @@ def chain(body: Body, y: dict[str, np.ndarray], e: dict[str, np.ndarray]) -> dic
 
 
 def _taps(x: np.ndarray) -> list[np.ndarray]:
-    return [np.roll(x, k, axis=1) for k in range(-_TAPS, _TAPS + 1)]
+    return [np.roll(x, k, axis=1) for k in range(-TAPS, TAPS + 1)]
 
 
 def _summed(body: Body, x: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from .manoeuvres import better
 from .naming import told_unit
 from .refit import Refit, sensitivities
 from .result import Detectable
-from .screen import _nuisance
+from .screen import absorbable
 from .stage import Stage
 
 SURE = 32.0
@@ -33,7 +33,7 @@ def detectable(stage: Stage, at: Refit, units: tuple[str, str]) -> list[Detectab
     J = sensitivities(stage, [at.hypothesis], [at.simulated])[0]
     directions = np.where(stage.mask, y - at.simulated, 0.0)
     white = whiten(directions[None], at.colour[None])[0][:, stage.mask]
-    nuisance = whiten(_nuisance(stage, at, J)[None], at.colour[None])[0][:, stage.mask]
+    nuisance = whiten(absorbable(stage, at, J)[None], at.colour[None])[0][:, stage.mask]
     Q, _ = np.linalg.qr(nuisance.T)
     away = white - (white @ Q) @ Q.T
     energy = np.sum(away**2, axis=1)

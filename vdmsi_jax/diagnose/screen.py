@@ -87,7 +87,7 @@ class _Ground:
         self.stage, self.at = stage, at
         self.counted = usable(stage)
         J = sensitivities(stage, [at.hypothesis], [at.simulated])[0]
-        nuisance = _nuisance(stage, at, J)
+        nuisance = absorbable(stage, at, J)
         e = np.where(stage.mask, stage.y - at.y, 0.0)
         self.Q, self.R = np.linalg.qr(self._white(nuisance).T)
         self.error = self._white(e[None])[0]
@@ -125,7 +125,7 @@ class _Ground:
         return np.maximum(predicted(spectra, self.at.colour.size)[1], 1e-300)
 
 
-def _nuisance(stage: Stage, at: Refit, J: np.ndarray) -> Float[np.ndarray, "q R N"]:
+def absorbable(stage: Stage, at: Refit, J: np.ndarray) -> Float[np.ndarray, "q R N"]:
     """What the hypothesis can absorb: its parameters and the states at its starts, scaled."""
     runs, n = stage.u.shape[0], at.states.shape[1]
     starts = np.zeros((runs, n, *stage.u.shape))

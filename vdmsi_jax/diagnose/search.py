@@ -103,7 +103,7 @@ def search(stage: Stage) -> Search:
         screened = screened or candidates
         rest = 2.0 * now.loglik - price(stage, now.hypothesis)
         promising = [c for c in candidates if c.gain > 4.0][:_REFITTED]
-        starts = [_with(now.hypothesis, c) for c in promising]
+        starts = [joined(now.hypothesis, c) for c in promising]
         if now.hypothesis.active:
             starts += _promising(stage, list(nested(stage, now.hypothesis)), 1)
         if now is plain:  # a cause may make a smaller plant enough
@@ -113,7 +113,7 @@ def search(stage: Stage) -> Search:
             starts += _ringing(stage, plain)
             for smaller in _smaller(grid, plain):
                 own = screen(stage, smaller)[:_FROM_SMALLER]
-                starts += [_with(smaller.hypothesis, c) for c in own]
+                starts += [joined(smaller.hypothesis, c) for c in own]
         most = max((c.gain for c in promising), default=0.0)
         fits = _best_of_each(refit(stage, starts, worth=worth, reach=max(_REACH, 0.5 * most)))
         if not fits:
@@ -301,7 +301,7 @@ def _best_of_each(fits: Sequence[Refit]) -> list[Refit]:
     return list(best.values())
 
 
-def _with(h: Hypothesis, candidate: Candidate) -> Hypothesis:
+def joined(h: Hypothesis, candidate: Candidate) -> Hypothesis:
     theta = candidate.theta.copy()
     theta[: LEAD + 1] = h.theta[: LEAD + 1]
     return Hypothesis(h.poles, h.zeros, tuple(sorted({*h.active, candidate.number})), theta)
@@ -351,7 +351,7 @@ def _findings(stage: Stage, final: Refit) -> tuple[Finding, ...]:
         screened = screen(stage, less)
         promised = next((c.gain for c in screened if c.number == number), 0.0)
         others = [c for c in screened if c.number != number and c.gain > 0.2 * gain][:6]
-        starts = [_with(less.hypothesis, c) for c in others]
+        starts = [joined(less.hypothesis, c) for c in others]
         own = stage.slots[number]
         rivals = []
         for f in _best_of_each(refit(stage, starts)):

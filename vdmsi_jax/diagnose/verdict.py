@@ -23,8 +23,7 @@ from .refit import Refit, refit
 from .result import ChannelScore, Diagnosis, Estimate, Finding, Gain, Response, Rival, Unexplained
 from .road import Road
 from .screen import screen
-from .search import Search
-from .search import _with as joined
+from .search import Search, joined
 from .unexplained import history, structure
 from .words import sentence, summary
 
