@@ -98,6 +98,14 @@ def test_a_speed_alone_is_diagnosed_with_what_is_there():
     assert found.ate is None
 
 
+def test_a_steering_angle_that_was_not_logged_is_told_from_the_yaw_rate():
+    case = Case((("backlash", "steering"),), "middle", seed=3, duration=40.0)
+    (drive,) = generate([case])
+    found = vj.diagnose(records(drive, ("v_cmd", "delta_cmd", "v", "r")))
+    assert [(f.cause, f.where) for f in found.findings] == [("backlash", "steering")]
+    json.dumps(diagnosis_document(found), allow_nan=False)
+
+
 def test_logs_that_do_not_go_together_are_refused(logs):
     with pytest.raises(vj.InputError, match="no record"):
         vj.diagnose([])

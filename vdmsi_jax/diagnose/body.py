@@ -36,7 +36,7 @@ class BodyCause:
 
     Attributes:
         cause, where: as in the contract; `channel` of a sensor.
-        names: of its parameters; `units`; `probes`: values of each probe.
+        names: of its parameters; `units`: theirs.
         lower: bound.
         weight: how many parameters it counts as.
     """
@@ -46,30 +46,27 @@ class BodyCause:
     channel: str | None
     names: tuple[str, ...]
     units: tuple[str, ...]
-    probes: tuple[tuple[float, ...], ...]
     lower: float = -np.inf
     weight: float = 1.0
 
 
 CAUSES = (
-    BodyCause("speed_scale", "vehicle", None, ("scale",), ("1",), ((0.03,), (-0.03,)), -0.9),
-    BodyCause("offset", "vehicle", None, ("bias",), ("rad",), ((0.005,),)),
-    BodyCause(
-        "bank", "vehicle", None, ("slope", "pull"), ("1", "rad"), ((0.03, 0.003),), weight=2.0
-    ),
-    BodyCause("geometry_scale", "vehicle", None, ("scale",), ("1",), ((0.05,), (-0.05,)), -0.9),
-    BodyCause("understeer", "vehicle", None, ("gradient",), ("s^2/m^2",), ((0.001,), (0.01,))),
-    BodyCause("tyre_relaxation", "vehicle", None, ("length",), ("m",), ((0.3,), (1.0,)), 0.0),
-    BodyCause("sensor_lag", "sensor", "r", ("time_constant",), ("s",), ((0.03,), (0.1,)), 0.0),
-    BodyCause("sensor_delay", "sensor", "r", ("delay",), ("s",), ((0.03,), (0.1,)), 0.0),
-    BodyCause("sensor_bias", "sensor", "r", ("bias",), ("rad/s",), ((0.005,),)),
-    BodyCause("sensor_lag", "sensor", "delta", ("time_constant",), ("s",), ((0.03,), (0.1,)), 0.0),
-    BodyCause("sensor_delay", "sensor", "delta", ("delay",), ("s",), ((0.03,), (0.1,)), 0.0),
-    BodyCause("sensor_lag", "sensor", "v", ("time_constant",), ("s",), ((0.05,), (0.2,)), 0.0),
-    BodyCause("sensor_delay", "sensor", "v", ("delay",), ("s",), ((0.05,), (0.2,)), 0.0),
-    BodyCause("sensor_bias", "sensor", "v", ("bias",), ("m/s",), ((0.1,),)),
-    BodyCause("sensor_bias", "sensor", "psi", ("bias",), ("rad",), ((0.01,),)),
-    BodyCause("sensor_delay", "sensor", "pose", ("delay",), ("s",), ((0.05,), (0.2,)), 0.0),
+    BodyCause("speed_scale", "vehicle", None, ("scale",), ("1",), -0.9),
+    BodyCause("offset", "vehicle", None, ("bias",), ("rad",)),
+    BodyCause("bank", "vehicle", None, ("slope", "pull"), ("1", "rad"), weight=2.0),
+    BodyCause("geometry_scale", "vehicle", None, ("scale",), ("1",), -0.9),
+    BodyCause("understeer", "vehicle", None, ("gradient",), ("s^2/m^2",)),
+    BodyCause("tyre_relaxation", "vehicle", None, ("length",), ("m",), 0.0),
+    BodyCause("sensor_lag", "sensor", "r", ("time_constant",), ("s",), 0.0),
+    BodyCause("sensor_delay", "sensor", "r", ("delay",), ("s",), 0.0),
+    BodyCause("sensor_bias", "sensor", "r", ("bias",), ("rad/s",)),
+    BodyCause("sensor_lag", "sensor", "delta", ("time_constant",), ("s",), 0.0),
+    BodyCause("sensor_delay", "sensor", "delta", ("delay",), ("s",), 0.0),
+    BodyCause("sensor_lag", "sensor", "v", ("time_constant",), ("s",), 0.0),
+    BodyCause("sensor_delay", "sensor", "v", ("delay",), ("s",), 0.0),
+    BodyCause("sensor_bias", "sensor", "v", ("bias",), ("m/s",)),
+    BodyCause("sensor_bias", "sensor", "psi", ("bias",), ("rad",)),
+    BodyCause("sensor_delay", "sensor", "pose", ("delay",), ("s",), 0.0),
 )
 """The causes of this stage; the first ones in the order of the registry `effects.VEHICLE`."""
 

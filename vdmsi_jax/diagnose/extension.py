@@ -15,7 +15,6 @@ from ..models.transfer_function import TransferFunction
 from ..parameters import parameters
 from .body import CAUSES
 from .body_search import BodySearch
-from .naming import Named
 from .refit import Hypothesis
 from .search import Search
 from .stage import LEAD, POLES, Stage, Unravel
@@ -33,21 +32,18 @@ def plain_model(searches: Mapping[PlantSpec, Search], records: Sequence[Record])
 def extended_model(
     searches: Mapping[PlantSpec, Search],
     bodily: BodySearch | None,
-    causes: Sequence[Named],
     records: Sequence[Record],
 ) -> Model:
-    """The same kind of model with the causes in it."""
-    del causes  # those that were not confirmed stay in the fit that the others were judged beside
+    """The same kind of model with the causes in it: all of the final fit, since those that the data
+    held out did not confirm are what the others were judged beside."""
     plants = {}
     for spec, found in searches.items():
         h = found.final.hypothesis
-        linear = transfer_function(found.stage, h)
-        if not h.active:
-            _, shift, slow = _sensor_of(bodily, spec.output)
-            plants[spec.name] = Plant(spec, _without_sensor(linear, shift, slow))
-            continue
         late, shift, slow = _sensor_of(bodily, spec.output)
-        linear = _without_sensor(linear, shift, slow)
+        linear = _without_sensor(transfer_function(found.stage, h), shift, slow)
+        if not h.active:
+            plants[spec.name] = Plant(spec, linear)
+            continue
         theta = h.theta.copy()
         for slot in found.stage.slots:
             if slot.cause == "transport_delay":

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .body import CAUSES, Body
+from .body import CAUSES
 from .body_search import BodyFinding, BodyFit, BodySearch
 from .refit import Refit
 from .result import Estimate, Rival
@@ -61,13 +61,12 @@ class Named:
         return f"{self.cause} ({place})"
 
 
-def of_stage(search: Search, units: tuple[str, str], twin: str | None) -> list[Named]:
+def of_stage(search: Search, units: tuple[str, str]) -> list[Named]:
     """The causes of an actuator.
 
     Args:
         search: what was found.
         units: of command and response.
-        twin: channel whose sensor may have caused the same, if there is one.
     """
     found = []
     for finding in search.findings:
@@ -192,7 +191,7 @@ def _renamed(cause: str, told: dict[str, Estimate]) -> dict[str, Estimate]:
     return told
 
 
-def merged(causes: list[Named], body: Body | None) -> list[Named]:
+def merged(causes: list[Named]) -> list[Named]:
     """Causes of actuators and of the body, with those that are one sensor's told as such: a delay
     or an offset of an actuator that the body takes back is its sensor's."""
     kept = list(causes)

@@ -101,7 +101,6 @@ def search(stage: Stage) -> Search:
     while len(now.hypothesis.active) < _MOST_CAUSES:
         candidates = screen(stage, now)
         screened = screened or candidates
-        rest = 2.0 * now.loglik - price(stage, now.hypothesis)
         promising = [c for c in candidates if c.gain > 4.0][:_REFITTED]
         starts = [joined(now.hypothesis, c) for c in promising]
         if now.hypothesis.active:
@@ -120,7 +119,7 @@ def search(stage: Stage) -> Search:
             break
         seen |= {_key(f.hypothesis): f for f in fits}
         best = max(fits, key=lambda f: score(stage, f))
-        if score(stage, best) <= rest:
+        if score(stage, best) <= score(stage, now):
             break
         now = best
     now = _eliminate(stage, now, seen)

@@ -74,7 +74,7 @@ class Evidence:
             minor=tuple(minor),
             unexplained=tuple(left),
             baseline=plain_model(self.searches, self.records),
-            model=extended_model(self.searches, self.bodily, [c for c, _, _ in sure], self.records),
+            model=extended_model(self.searches, self.bodily, self.records),
             orders={s.name: f.baseline.hypothesis.order for s, f in self.searches.items()},
             channels=scores["baseline"],
             extended=scores["extended"],
@@ -107,6 +107,8 @@ class Evidence:
         """Sensors whose measurements come in steps that matter beside what the model leaves."""
         made = []
         for channel, score in self._scores("extended").items():
+            if not all(channel in record for record in self.records):
+                continue  # made of others, so not a sensor's
             step = lattice_step(np.concatenate([r[channel] for r in self.records]))
             if step is None or step**2 / 12.0 < MINOR * score.mse:
                 continue
@@ -128,14 +130,13 @@ class Evidence:
         return units.get(spec.input, "rad"), units.get(spec.output, "rad")
 
     def _causes(self) -> list[Named]:
-        body = None if self.bodily is None else self.bodily.body
         found = []
         for spec, own in self.searches.items():
-            for cause in of_stage(own, self._units(spec), _TWINS.get(spec.name)):
+            for cause in of_stage(own, self._units(spec)):
                 found.append(self._with_twin(spec, cause))
         if self.bodily is not None:
             found += of_body(self.bodily)
-        return merged(found, body)
+        return merged(found)
 
     def _with_twin(self, spec: PlantSpec, cause: Named) -> Named:
         """A cause of an actuator whose sensor may have done the same, if the body lets it."""
