@@ -19,15 +19,18 @@ from ..effects import VEHICLE
 from ..effects.base import first_order
 from ..models.bicycle import Bicycle
 from ..parameters import parameters
+from .chain import Chain
 
 WINDOW = 0.5
 """Length of a pose increment, s."""
 
-NUISANCE_LAG = 0.02
-"""Yaw lag that a vehicle may have without its being a finding, s; real ones have 6 to 18 ms."""
+NUISANCE = {"lag": (0.0, 0.02), "ahead": (-0.3, 0.3), "slip": (-0.03, 0.03)}
+"""What every vehicle has a little of, and that is no finding, with its bounds: a yaw lag, s (real
+ones have 6 to 18 ms); how far the point whose pose is told is ahead of where it is said to be, in
+wheelbases; and side slip of the rear by lateral acceleration, rad s^2/m."""
 
 CHANNELS = ("r", "psi", "forward", "aside")
-TAPS = 2  # rows to each side at which an actuator's residual may act
+_LANES = 8  # of a compiled program
 
 
 @dataclass(frozen=True)
@@ -98,10 +101,22 @@ class Body:
         """Rows of a pose increment."""
         return max(1, round(WINDOW / self.dt))
 
+    @property
+    def nuisance(self) -> tuple[int, ...]:
+        """The nuisance parameters that the channels at hand could show."""
+        return tuple(range(len(NUISANCE))) if "aside" in self.measured else (0,)
+
+    @cached_property
+    def chain(self) -> Chain:
+        """What the residuals upstream of each channel pass on to it."""
+        wheelbase = float(self.bicycle.wheelbase)
+        parts = (self.v, self.delta, self.dv, self.ddelta, self.mask)
+        return Chain(*parts, wheelbase, self.window, self.dt)
+
     @cached_property
     def index(self) -> tuple[tuple[int, ...], ...]:
-        """Where each cause has its parameters; the nuisance lag comes first."""
-        ends = np.cumsum([1, *(len(c.names) for c in CAUSES)])
+        """Where each cause has its parameters; the nuisance ones come first."""
+        ends = np.cumsum([len(NUISANCE), *(len(c.names) for c in CAUSES)])
         return tuple(
             tuple(range(a, a + len(c.names))) for a, c in zip(ends[:-1], CAUSES, strict=True)
         )
@@ -128,8 +143,7 @@ class Body:
 
     def simulate(self, theta: Float[np.ndarray, "L P"]) -> dict[str, Float[np.ndarray, "L R N"]]:
         """Every channel at each vector."""
-        lanes = 32
-        parts = []
+        lanes, parts = _LANES, []
         for start in range(0, len(theta), lanes):
             part = theta[start : start + lanes]
             padded = np.concatenate([part, np.repeat(part[:1], lanes - len(part), axis=0)])
@@ -181,7 +195,8 @@ def travel(
 
 
 def _motion(registered, vector, v, delta, bicycle, dt):
-    at, effects = 1, []
+    yaw_lag, ahead, slip = vector[: len(NUISANCE)]
+    at, effects = len(NUISANCE), []
     for effect in registered:
         for name in parameters(effect):
             effect = eqx.tree_at(lambda e, name=name: getattr(e, name), effect, vector[at])
@@ -198,12 +213,13 @@ def _motion(registered, vector, v, delta, bicycle, dt):
         beta, kappa = effect.course(beta), effect.curvature(kappa, v)
     for effect in effects:
         kappa = effect.relaxed(kappa, v, dt)
-    r = _lagged(v * kappa, vector[0], dt)
+    r = _lagged(v * kappa, yaw_lag, dt)
 
     def run(values):
         return jnp.concatenate([jnp.zeros(1), jnp.cumsum(0.5 * (values[1:] + values[:-1]) * dt)])
 
     psi = run(r)
+    beta = beta + kappa * (ahead * bicycle.wheelbase - slip * v**2)
     beta = beta - askew  # a heading that is told too large turns the path to the right of it
     x, y = run(v * jnp.cos(psi + beta)), run(v * jnp.sin(psi + beta))
     x, y, psi = (_shifted(p, pose_late / dt) for p in (x, y, psi))

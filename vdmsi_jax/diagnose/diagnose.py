@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import jax
 import numpy as np
 
 from ..config import PlantSpec, VehicleGeometry
@@ -32,7 +33,18 @@ def diagnose(
 
     Raises:
         InputError: no record, different sample periods, or nothing that answers to a command.
+
+    Works in double precision, whatever the setting of JAX outside: paths are differenced here.
     """
+    with jax.enable_x64(True):
+        return _diagnose(records, vehicle, told)
+
+
+def _diagnose(
+    records: Record | Sequence[Record],
+    vehicle: VehicleGeometry | None,
+    told: Callable[[str], None] | None,
+) -> Diagnosis:
     several = [records] if isinstance(records, Record) else list(records)
     several = [slower(record) for record in _alike(several, vehicle)]
     say = told or (lambda _: None)

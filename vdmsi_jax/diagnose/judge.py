@@ -12,6 +12,8 @@ from .colour import whiten
 from .result import Gain
 
 _BLOCK = 5.0  # s, over which errors count as independent
+_STEADY, _VERY_STEADY = 2.0, 3.0  # standard errors by blocks
+_MUCH, _NEARLY_ALL = 0.25, 0.9  # share of the squared error
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +39,29 @@ class Scored:
         return 1.0 - float(after) / max(float(before), 1e-300)
 
 
+@dataclass(frozen=True)
+class Trial:
+    """What a cause is worth on data held out.
+
+    Attributes:
+        gain: in the channel that it is worth most in.
+        worth: twice the log-likelihood over all channels.
+        steady: that in its standard errors by blocks; a wrong form gains here and loses there.
+    """
+
+    gain: Gain
+    worth: float
+    steady: float
+
+    def believed(self, share: float, puzzling: bool) -> bool:
+        """Whether a cause that takes this share of the squared error is named: where much is left
+        that nothing explains, a name must take nearly all, or hold from block to block."""
+        plain = (self.gain.after - self.gain.before) / max(self.gain.se, 1e-300)
+        if puzzling:
+            return share > _NEARLY_ALL or self.steady > _VERY_STEADY
+        return share > _MUCH or max(self.steady, plain) > _STEADY
+
+
 def fit_percent(y: np.ndarray, error: np.ndarray) -> float:
     """FIT, eq. (3), percent."""
     spread = float(np.sqrt(np.sum((y - y.mean()) ** 2)))
@@ -58,14 +83,18 @@ def gain_of(scored: Scored, use: Bool[np.ndarray, "R N"], held_out: bool, dt: fl
     return Gain(scored.channel, *fits, se, *mse, held_out=held_out)
 
 
-def confirmed(scored: Scored, use: Bool[np.ndarray, "R N"]) -> float:
-    """Twice the log-likelihood that the cause gains on data that no fit has seen."""
-    energies = []
+def confirmed(scored: Scored, use: Bool[np.ndarray, "R N"], dt: float) -> tuple[float, float]:
+    """Twice the log-likelihood that the cause gains on data that no fit has seen, and its variance
+    by blocks."""
+    squares = []
     for simulated in (scored.before, scored.after):
         e = np.where(use, scored.y - simulated, 0.0)
-        white = whiten(e[None], scored.colour[None])[0][use]
-        energies.append(float(np.mean(white**2)))
-    return float(use.sum()) * float(np.log(energies[0] / max(energies[1], 1e-300)))
+        squares.append(whiten(e[None], scored.colour[None])[0][use] ** 2)
+    before, after = (max(float(np.mean(s)), 1e-300) for s in squares)
+    blocks = max(2, int(use.sum() * dt / _BLOCK))
+    label = np.arange(squares[0].size) * blocks // squares[0].size
+    parts = np.bincount(label, (squares[0] - squares[1]) / after)
+    return float(use.sum()) * float(np.log(before / after)), float(parts.var(ddof=1) * parts.size)
 
 
 def shapley(players: Sequence[str], worth: Callable[[frozenset[str]], float]) -> dict[str, float]:

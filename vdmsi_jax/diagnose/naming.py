@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .body import CAUSES
-from .body_search import BodyFinding, BodyFit, BodySearch
+from .body_fit import BodyFit
+from .body_search import BodyFinding, BodySearch
 from .refit import Refit
 from .result import Estimate, Rival
 from .search import MARGIN, Finding, Search

@@ -19,9 +19,11 @@ from .stage import Stage
 
 _SLOWEST_STEERED = 0.3  # m/s, below which a yaw rate tells no steering angle
 _LONGEST = 6000  # samples of a run that are simulated at once; longer ones are cut
+_MOST = 15_000  # samples that are looked at; of more, stretches spread over all of them are
+_STRETCH = 2000  # samples of such a stretch
 _MOST_RUNS = 24  # that are looked at
 _ROW = 0.02  # s, between rows of a vehicle's record
-_HELD_OUT = 0.3  # share of a single run that is held out
+_BLOCKS, _JUDGING = 10, (2, 5, 8)  # parts of a single run, and which of them are held out
 
 _FOREIGN = {
     "powertrain": {"speed_dependent_gain", "cross_coupling by speed"},
@@ -39,8 +41,7 @@ class Runs:
         names: of the runs that they belong to.
         records, starts, stops: where each comes from.
         since: time of each one's first sample since its run began, s.
-        held_out: whether its samples from `split` on (all, at zero) only judge.
-        split: first sample that is held out.
+        judged: of each, the stretches (first, stop) that are held out.
         length: of the longest.
         dt: sample period, s.
     """
@@ -50,7 +51,7 @@ class Runs:
     starts: tuple[int, ...]
     stops: tuple[int, ...]
     since: tuple[float, ...]
-    split: tuple[int, ...]
+    judged: tuple[tuple[tuple[int, int], ...], ...]
     dt: float
 
     @property
@@ -77,8 +78,11 @@ class Runs:
 
     def held(self) -> np.ndarray:
         """(R, N) whether a sample is held out."""
-        at = np.arange(self.length)
-        return np.stack([at >= split for split in self.split])
+        held = np.zeros((len(self.records), self.length), bool)
+        for row, spans in zip(held, self.judged, strict=True):
+            for first, stop in spans:
+                row[first:stop] = True
+        return held
 
     def time(self) -> Float[np.ndarray, "R N"]:
         """(R, N) time since the start of the run, s."""
@@ -126,18 +130,20 @@ def slower(record: Record) -> Record:
 
 def lay_out(records: Sequence[Record]) -> Runs:
     """Put the segments of records side by side and choose what is held out: the last third of the
-    records, or, of a single one, the last part of each segment."""
+    records, or, of a single one, three tenths of each segment that lie apart, since its end may
+    show another regime."""
     pieces = []
     count = len(records)
     judges = set(range(count - max(1, round(count / 3)), count)) if count > 1 else set()
+    many = sum(len(s) for r in records for s in r.segments) > _MOST
+    at_once = _STRETCH if many else _LONGEST
     for k, record in enumerate(records):
         for segment in record.segments:
-            parts = -(-len(segment) // _LONGEST)
+            parts = -(-len(segment) // at_once)
             edges = np.linspace(segment.start, segment.stop, parts + 1).astype(int)
             first = next(s.start for s in record.segments if s.run == segment.run)
             for a, b in zip(edges[:-1], edges[1:], strict=True):
-                split = int((b - a) * (1.0 - _HELD_OUT))
-                split = (0 if k in judges else int(b - a)) if count > 1 else split
+                whole = ((0, int(b - a)),) if k in judges else ()
                 pieces.append(
                     (
                         segment.run,
@@ -145,16 +151,23 @@ def lay_out(records: Sequence[Record]) -> Runs:
                         int(a),
                         int(b),
                         float(record.t[a] - record.t[first]),
-                        split,
+                        whole if count > 1 else _apart(int(b - a)),
                     )
                 )
     longest = max(p[3] - p[2] for p in pieces)
     long = [p for p in pieces if p[3] - p[2] >= max(40, longest // 20)]
-    if len(long) > _MOST_RUNS:
-        picked = np.unique(np.linspace(0, len(long) - 1, _MOST_RUNS).astype(int))
+    most = min(_MOST_RUNS, _MOST // (longest if many else 1))
+    if len(long) > most:
+        picked = np.unique(np.linspace(0, len(long) - 1, most).astype(int))
         long = [long[i] for i in picked]
     columns = zip(*long, strict=True)
     return Runs(*map(tuple, columns), dt=records[0].dt)
+
+
+def _apart(n: int) -> tuple[tuple[int, int], ...]:
+    """Stretches of `n` samples that are held out."""
+    edges = np.linspace(0, n, _BLOCKS + 1).astype(int)
+    return tuple((int(edges[k]), int(edges[k + 1])) for k in _JUDGING)
 
 
 def steering_angle(runs: Runs) -> tuple[np.ndarray, np.ndarray] | None:

@@ -22,6 +22,7 @@ _SETTLED = 0.05  # gain of twice the log-likelihood by a step after which a lane
 _HELPS = 2.0  # gain above which steps make slopes old, and old ones still help
 _FEW = 8  # lanes, for which differences cost next to nothing
 _DAMPINGS = (0.1, 3.0, 100.0)
+_BEYOND = 8  # reaches of the whitening filter, over which residuals count as one sample
 _FREE_STATE = 0.3  # prior standard deviation of a state at the start, of the response's range
 
 
@@ -60,7 +61,9 @@ class Refit:
 
     Attributes:
         hypothesis: with the values found.
-        loglik: log-likelihood of the innovations, up to a constant that all share.
+        loglik: log-likelihood of the innovations, up to a constant that all share; and of the
+            residual itself, a sample every few reaches of the whitening filter: an estimated colour
+            takes an error that lasts for noise that hardly moves, and sees but its ends.
         y: (runs, N) simulated response, with the free response of the starts.
         simulated: (runs, N) without it.
         states: (N, n) response to the states at the start.
@@ -122,7 +125,7 @@ def refit(
         return []
     order = filter_length(stage.dt, int(stage.mask.sum()))
     counted = usable(stage)
-    start = _bounded(stage, stage.simulate(np.stack([h.theta for h in hypotheses])))
+    start = bounded(stage, stage.simulate(np.stack([h.theta for h in hypotheses])))
     lanes = [
         _Lane(h, h.free(stage), y, _states(stage, h), np.zeros(order))
         for h, y in zip(hypotheses, start, strict=True)
@@ -176,7 +179,7 @@ def _expm(M: np.ndarray) -> np.ndarray:
     return total
 
 
-def _bounded(stage: Stage, y: np.ndarray) -> np.ndarray:
+def bounded(stage: Stage, y: np.ndarray) -> np.ndarray:
     """Responses that an unstable trial made huge or not finite, cut to a size that loses."""
     huge = 1e4 * max(stage.scales.response, np.abs(stage.y).max())
     return np.clip(np.nan_to_num(y, nan=huge, posinf=huge, neginf=-huge), -huge, huge)
@@ -226,7 +229,7 @@ def sensitivities(
         shifted.append(own)
         sizes.append(size)
     ends = np.cumsum([len(s) for s in sizes])[:-1]
-    moved = np.split(_bounded(stage, stage.simulate(np.concatenate(shifted))), ends)
+    moved = np.split(bounded(stage, stage.simulate(np.concatenate(shifted))), ends)
     return [
         (new - old) / size[:, None, None] for new, old, size in zip(moved, y, sizes, strict=True)
     ]
@@ -260,7 +263,7 @@ def _advance(stage: Stage, lanes: list[_Lane], counted: np.ndarray) -> None:
             new[lane.free] = np.clip(theta[lane.free] + step, low[lane.free], high[lane.free])
             trials.append(new)
     tried = len(_DAMPINGS)
-    answers = _bounded(stage, stage.simulate(np.stack(trials)))
+    answers = bounded(stage, stage.simulate(np.stack(trials)))
     answers = answers.reshape(len(lanes), tried, *stage.y.shape)
     colours = np.stack([lane.colour for lane in lanes])
     errors = whiten(_residual(stage, answers), colours) * counted
@@ -361,7 +364,10 @@ def _finish(stage: Stage, lanes: list[_Lane], counted: np.ndarray) -> list[Refit
         y = _with_states(stage, lane, counted)
         innovations = _white(_residual(stage, y), lane, counted)
         variance = max(float(np.sum(innovations**2)) / n, 1e-300)
-        loglik = -0.5 * n * float(np.log(variance))
+        left = _residual(stage, y)
+        plain = max(float(np.sum(left**2)) / n, 1e-300)
+        slow = 0.5 * n / (_BEYOND * lane.colour.size) * float(np.log(plain))
+        loglik = -0.5 * n * float(np.log(variance)) - slow
         covariance = _inverse(_project(stage, lane, counted, lane.white_slopes)) * variance
         found.append(
             Refit(
@@ -369,6 +375,23 @@ def _finish(stage: Stage, lanes: list[_Lane], counted: np.ndarray) -> list[Refit
             )
         )
     return found
+
+
+def steadiness(stage: Stage, less: Refit, more: Refit) -> float:
+    """By how many standard errors, over blocks, one fit is likelier than another. What a wrong form
+    gains it gains in a moment or two, and the likelihood alone does not ask where."""
+    counted = usable(stage)
+    parts = []
+    for f in (less, more):
+        white = whiten(_residual(stage, f.y)[None], f.colour[None])[0]
+        left = _residual(stage, f.y)[counted]
+        plain = max(float(np.mean(left**2)), 1e-300)
+        slow = (np.log(plain) + left**2 / plain) / (_BEYOND * f.colour.size)
+        parts.append(-0.5 * (np.log(f.variance) + white[counted] ** 2 / f.variance + slow))
+    gained = parts[1] - parts[0]
+    blocks = int(np.clip(gained.size // (_BEYOND * less.colour.size), 4, 60))
+    sums = np.bincount(np.arange(gained.size) * blocks // gained.size, gained)
+    return float(sums.sum() / max(np.sqrt(blocks) * sums.std(ddof=1), 1e-300))
 
 
 def _begun(stage: Stage, lane: _Lane, y: np.ndarray, run: int) -> np.ndarray:
@@ -386,7 +409,7 @@ def completed(stage: Stage, fits: Sequence[Refit]) -> list[Refit]:
     thetas = np.stack([f.hypothesis.theta for f in fits])
     counted = usable(stage)
     used = stage.mask.any(axis=1)
-    simulated = _bounded(stage, stage.simulate(thetas))
+    simulated = bounded(stage, stage.simulate(thetas))
     slopes = sensitivities(stage, [f.hypothesis for f in fits], list(simulated))
     found = []
     for f, y, J in zip(fits, simulated, slopes, strict=True):

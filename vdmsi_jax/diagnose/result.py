@@ -115,6 +115,7 @@ class Unexplained:
         depends_on: what it depends on, such as `v_cmd`, `delta` or `t`.
         when: moments, (run, start s, stop s), in which it is concentrated.
         test: which test found it, in words.
+        puzzling: whether it is so large that causes named beside it may only stand in for it.
     """
 
     channel: str
@@ -122,6 +123,7 @@ class Unexplained:
     depends_on: tuple[str, ...]
     when: tuple[tuple[str, float, float], ...] = ()
     test: str = ""
+    puzzling: bool = False
 
 
 @dataclass(frozen=True)

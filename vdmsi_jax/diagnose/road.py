@@ -28,10 +28,11 @@ class Road:
     ):
         self.runs, self.searches, self.bodily = runs, searches, bodily
         self.measured = {"v": runs.channel("v"), "delta": angle}
-        held = runs.held()
-        self.begin = [int(np.argmax(h)) if h.any() else 0 for h in held]
-        self.judges = [i for i, h in enumerate(held) if h.any()] or list(range(len(held)))
-        self.stops = [b - a for a, b in zip(runs.starts, runs.stops, strict=True)]
+        whole = [
+            (i, 0, b - a) for i, (a, b) in enumerate(zip(runs.starts, runs.stops, strict=True))
+        ]
+        held = [(i, a, b) for i, spans in enumerate(runs.judged) for a, b in spans]
+        self.drives = [(i, a, min(b, whole[i][2])) for i, a, b in held] or whole
         self.pose = np.stack([runs.channel(c) for c in ("x", "y", "psi")], axis=-1)
         self.pose[..., 2] = np.unwrap(self.pose[..., 2], axis=1)
         self.baseline = self._drive(
@@ -45,21 +46,20 @@ class Road:
         v, delta = (responses.get(c, self.measured[c]) for c in ("v", "delta"))
         _, x, y, psi = travel(self.bodily.body, theta, v, delta)
         found = np.full(self.pose.shape, np.nan)
-        for i in self.judges:
-            b = self.begin[i]
-            turn = self.pose[i, b, 2] - psi[i, b]
+        for i, a, b in self.drives:
+            turn = self.pose[i, a, 2] - psi[i, a]
             c, s = np.cos(turn), np.sin(turn)
-            dx, dy = x[i] - x[i, b], y[i] - y[i, b]
-            found[i, b:, 0] = (self.pose[i, b, 0] + c * dx - s * dy)[b:]
-            found[i, b:, 1] = (self.pose[i, b, 1] + s * dx + c * dy)[b:]
-            found[i, b:, 2] = (psi[i] + turn)[b:]
+            dx, dy = x[i, a:b] - x[i, a], y[i, a:b] - y[i, a]
+            found[i, a:b, 0] = self.pose[i, a, 0] + c * dx - s * dy
+            found[i, a:b, 1] = self.pose[i, a, 1] + s * dx + c * dy
+            found[i, a:b, 2] = psi[i, a:b] + turn
         return found
 
     def errors(self, poses: np.ndarray) -> np.ndarray:
-        """Translation errors of the held-out runs, m, one after another."""
+        """Translation errors of the held-out drives, m, one after another."""
         parts = []
-        for i in self.judges:
-            span = slice(self.begin[i], self.stops[i])
+        for i, a, b in self.drives:
+            span = slice(a, b)
             parts.append(np.hypot(*(poses[i, span, :2] - self.pose[i, span, :2]).T))
         return np.concatenate(parts)
 
@@ -109,8 +109,8 @@ class Road:
     def paths(self) -> list[Path]:
         """The held-out drives, for pictures."""
         made = []
-        for i in self.judges:
-            span = slice(self.begin[i], self.stops[i])
+        for i, a, b in self.drives:
+            span = slice(a, b)
             t = self.runs.time()[i, span]
             poses = (p[i, span] for p in (self.pose, self.baseline, self.extended))
             made.append(Path(self.runs.names[i], t, *poses))

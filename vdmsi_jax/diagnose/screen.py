@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .colour import predicted, spectrum, whiten
-from .refit import Refit, sensitivities, usable
+from .refit import Refit, bounded, sensitivities, usable
 from .stage import Stage
 
 _LARGEST = 3.0  # a probe may be scaled by so much when its size is estimated
@@ -51,7 +51,7 @@ def screen(stage: Stage, at: Refit) -> list[Candidate]:
             theta[list(slot.index)] = probe
             numbers.append(number)
             thetas.append(theta)
-    y = stage.simulate(np.stack(thetas))
+    y = bounded(stage, stage.simulate(np.stack(thetas)))
     ground = _Ground(stage, at)
     gains = ground.explained(y - at.simulated)
     best: dict[int, Candidate] = {}
@@ -73,7 +73,8 @@ def _finer(stage: Stage, ground: "_Ground", found: Candidate) -> Candidate:
         thetas = np.repeat(found.theta[None], 32, axis=0)
         around = stage.scales.duration if moment else found.theta[i]
         thetas[:, i] += np.linspace(-width, width, 32) * around
-        gains = ground.explained(stage.simulate(thetas) - ground.at.simulated, fixed=not moment)
+        y = bounded(stage, stage.simulate(thetas))
+        gains = ground.explained(y - ground.at.simulated, fixed=not moment)
         k = int(np.argmax(gains))
         if gains[k] > found.gain:
             found = Candidate(found.number, float(gains[k]), thetas[k])

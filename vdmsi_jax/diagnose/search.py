@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .refit import Hypothesis, Refit, completed, refit
+from ..effects import AbstractEffect
+from .refit import Hypothesis, Refit, completed, refit, steadiness
 from .screen import Candidate, screen
 from .stage import LEAD, POLES, Stage
 
@@ -25,6 +26,9 @@ _REFITTED = 10  # candidates of a screen that are refitted
 _FROM_SMALLER = 4  # candidates of the screens of smaller plants that are refitted
 _SMALL = ((1, 0), (2, 0), (2, 1), (3, 1))
 _MOST_CAUSES = 4
+_STATIC = ("saturation", "dead_zone", "gain_nonlinearity", "gain_asymmetry")
+_STEADY = 1.5  # standard errors over blocks that a second cause must be likelier by
+_GROWS = 50.0  # that a cause in a small plant must gain for larger ones to be tried with it
 _REACH = 60.0  # that a candidate may lie behind the best after a few steps
 
 
@@ -115,13 +119,18 @@ def search(stage: Stage) -> Search:
                 starts += [joined(smaller.hypothesis, c) for c in own]
         most = max((c.gain for c in promising), default=0.0)
         fits = _best_of_each(refit(stage, starts, worth=worth, reach=max(_REACH, 0.5 * most)))
+        if now is plain:
+            fits += refit(stage, _bent(stage, grid[1, 0]))
+            fits += [f for small in _strongest(stage, fits, grid) for f in _grown(stage, small)]
         if not fits:
             break
         seen |= {_key(f.hypothesis): f for f in fits}
-        best = max(fits, key=lambda f: score(stage, f))
-        if score(stage, best) <= score(stage, now):
+        better = [f for f in fits if score(stage, f) > score(stage, now)]
+        first = not now.hypothesis.active
+        steady = [f for f in better if first or steadiness(stage, now, f) > _STEADY]
+        if not steady:
             break
-        now = best
+        now = max(steady, key=lambda f: score(stage, f))
     now = _eliminate(stage, now, seen)
     findings = _findings(stage, now)
     bare = replace(now.hypothesis, active=(), theta=_cleared(stage, now.hypothesis))
@@ -168,15 +177,7 @@ def _first_order(stage: Stage) -> list[Hypothesis]:
     ladder = np.geomspace(2.0 * stage.dt, 0.5 * duration, 16)
     thetas = np.repeat(stage.off[None], len(ladder), axis=0)
     thetas[:, 0] = thetas[:, POLES] = 1.0 / (ladder * stage.pace)
-    y = stage.simulate(thetas)[:, stage.mask]
-    seen = stage.y[stage.mask]
-    level = np.ones_like(seen)
-    errors, gains = [], []
-    for row in y:
-        shape = np.stack([row, level], axis=1)
-        found, *_ = np.linalg.lstsq(shape, seen, rcond=None)
-        errors.append(float(np.sum((seen - shape @ found) ** 2)))
-        gains.append(found[0])
+    errors, gains = _scaled_errors(stage, thetas)
     picked = np.argsort(errors)[:2]
     made = []
     for k in picked:
@@ -257,6 +258,69 @@ def _ringing(stage: Stage, plain: Refit) -> list[Hypothesis]:
             )  # fmt: skip
             made.append(Hypothesis(start.poles, start.zeros, (number,), theta))
     return made
+
+
+def _bent(stage: Stage, first: Refit) -> list[Hypothesis]:
+    """Plants of one pole with a cause that acts on the command, the gain by least squares: what a
+    characteristic bends, a linear fit took for another gain, from which no refit finds back."""
+    thetas, numbers = [], []
+    for number in stage.allowed:
+        slot = stage.slots[number]
+        if type(slot.effect).command is AbstractEffect.command or slot.cause not in _STATIC:
+            continue
+        for probe in slot.effect.probes(stage.scales):
+            for pace in (1.0, 4.0):
+                theta = stage.off.copy()
+                theta[0] = theta[POLES] = pace * abs(first.hypothesis.theta[0])
+                theta[list(slot.index)] = probe
+                thetas.append(theta)
+                numbers.append(number)
+    best: dict[int, tuple[float, np.ndarray]] = {}
+    errors, gains = _scaled_errors(stage, np.stack(thetas))
+    for number, theta, error, gain in zip(numbers, thetas, errors, gains, strict=True):
+        if np.isfinite(error) and (number not in best or error < best[number][0]):
+            scaled = theta.copy()
+            scaled[POLES] *= gain
+            best[number] = (error, scaled)
+    return [Hypothesis(1, 0, (number,), theta) for number, (_, theta) in best.items()]
+
+
+def _scaled_errors(stage: Stage, thetas: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Squared errors of responses with gain and level by least squares, and the gains."""
+    seen = stage.y[stage.mask]
+    errors, gains = [], []
+    for row in stage.simulate(thetas)[:, stage.mask]:
+        shape = np.stack([row, np.ones_like(row)], axis=1)
+        found, *_ = np.linalg.lstsq(shape, seen, rcond=None)
+        errors.append(float(np.sum((seen - shape @ found) ** 2)))
+        gains.append(float(found[0]))
+    return np.array(errors), np.array(gains)
+
+
+def _strongest(stage: Stage, fits: Sequence[Refit], grid: dict) -> list[Refit]:
+    """The small plants with a cause that gained most over the same plants without."""
+    gained = []
+    for f in fits:
+        bare = grid.get(_order(f.hypothesis))
+        if bare is not None and f.hypothesis.active and f.hypothesis.poles < POLES:
+            gained.append((score(stage, f) - score(stage, bare), f))
+    gained = [(g, f) for g, f in gained if g > _GROWS]
+    picked: dict[tuple[int, ...], Refit] = {}
+    for _, f in sorted(gained, key=lambda pair: -pair[0]):
+        picked.setdefault(f.hypothesis.active, f)
+    return list(picked.values())[:2]
+
+
+def _grown(stage: Stage, fit: Refit) -> list[Refit]:
+    """The same with more poles and zeros, for as long as they are worth their price."""
+    found = []
+    while True:
+        starts = _promising(stage, list(nested(stage, fit.hypothesis)), 1)
+        better = max(refit(stage, starts), key=lambda f: score(stage, f), default=fit)
+        if score(stage, better) <= score(stage, fit):
+            return found
+        found.append(better)
+        fit = better
 
 
 def _of(h: Hypothesis, stage: Stage, den: np.ndarray, num: np.ndarray) -> Hypothesis:

@@ -1,9 +1,9 @@
 """Is there structure left? Tests on what a model leaves that need no hypothesis.
 
-Three of them: does a regression on inputs, states and time, judged on blocks that it has not seen,
-explain more of the innovations than it does of the same innovations shifted in time; is the energy
-of short windows beyond what their spread allows (drop-outs, knocks); and is the error on data held
-out larger than on those fitted.
+Of `structure` there are three: does a regression on inputs, states and time, judged on blocks that
+it has not seen, explain more of the innovations than of the same ones shifted in time; is the
+energy of short windows beyond what their spread allows (drop-outs, knocks); and is the error on
+data held out larger than on those fitted. `slow_error` is the fourth.
 """
 
 from collections.abc import Mapping
@@ -19,6 +19,10 @@ _WORTH = 0.01  # share of the innovations' variance below which structure is not
 _SHARP = (4.5, 1.6)  # of white windows: spreads of the logarithm of energy, and its least excess
 _BROAD = (8.0, 3.0)  # of coloured ones, whose energies differ more
 _WORSE = 1.35
+_SLOW = 1.0  # s, the mean over which is the slow part of an error
+_LARGE = 0.045  # of a response's spread; made-up drives without a cause leave 0.005 to 0.025
+_OF_LEVEL = 0.25  # of the largest response, which counts as spread where it is larger
+_BESIDE = 1.2  # innovations
 _BLOCKS = 8
 _WINDOW = 0.5  # s
 
@@ -64,6 +68,39 @@ def structure(
             Unexplained(channel, worse, ("run",), (), "the error on data held out is larger")
         )
     return found
+
+
+def slow_error(
+    channel: str,
+    residual: Float[np.ndarray, "R N"],
+    innovations: Float[np.ndarray, "R N"],
+    response: Float[np.ndarray, "R N"],
+    mask: Bool[np.ndarray, "R N"],
+    dt: float,
+) -> Unexplained | None:
+    """A slow error that is large beside the response: noise with a colour can imitate anything that
+    is slow, so no innovation shows it, and its size is what tells it.
+
+    Args:
+        channel: its name.
+        residual: what the model leaves; `innovations`: the same whitened.
+        response: what was measured.
+        mask: samples that were fitted.
+        dt: sample period, s.
+    """
+    half = max(1, round(0.5 * _SLOW / dt))
+    padded = np.pad(np.where(mask, residual, 0.0), ((0, 0), (half + 1, half)), mode="edge")
+    total = np.cumsum(padded, axis=1)
+    slow = (total[:, 2 * half :] - total[:, : -2 * half])[:, : residual.shape[1]] / (2 * half)
+    size = float(np.sqrt(np.mean(slow[mask] ** 2)))
+    fast = float(np.sqrt(np.mean(innovations[mask] ** 2)))
+    values = response[mask]
+    spread = max(float(np.std(values)), _OF_LEVEL * float(np.abs(values).max()))
+    if size < _LARGE * spread or size < _BESIDE * fast:
+        return None
+    share = min(size**2 / max(float(np.mean(residual[mask] ** 2)), 1e-300), 1.0)
+    words = f"a slow error of {100.0 * size / spread:.0f} % of the response's spread"
+    return Unexplained(channel, share, ("t",), (), words, puzzling=True)
 
 
 def _dependence(e, mask, regressors, seed) -> tuple[float, tuple[str, ...]] | None:

@@ -8,28 +8,31 @@ import numpy as np
 
 from ..config import PlantSpec
 from ..data.record import Record
-from .body import CAUSES, CHANNELS, Body
-from .body_search import BodySearch, at_fixed, residual
+from .body import CAUSES, CHANNELS
+from .body_fit import residual
+from .body_search import BodySearch, at_fixed
 from .budget import of_channel, of_path
 from .colour import whiten
 from .detectability import detectable
 from .extension import extended_model, plain_model
-from .judge import Scored, confirmed, fit_percent, gain_of
+from .judge import Scored, Trial, confirmed, fit_percent, gain_of
 from .lattice import lattice_step
+from .leftover import broken, leftover, loud
 from .manoeuvres import separate
 from .naming import Named, merged, of_body, of_stage, without
 from .prepare import Runs, steering_angle
 from .refit import Refit, refit
-from .result import ChannelScore, Diagnosis, Estimate, Finding, Gain, Response, Rival, Unexplained
+from .result import ChannelScore, Diagnosis, Estimate, Finding, Gain, Response, Rival
 from .road import Road
 from .screen import screen
 from .search import Search, joined
-from .unexplained import history, structure
 from .words import sentence, summary
 
 MINOR = 0.02
 """Share of the held-out squared error of its channel below which a significant cause is minor."""
 
+_SERIOUS, _MOSTLY = 0.02, 0.3  # share of structure in a residual that is spoken of, and that weighs
+_SETTLED = 0.75  # share of a channel's error from which on findings have explained it
 _COARSE = 0.1  # share of a rounding in what a model leaves, from which it is a finding
 _DOUBTFUL = 0.05  # share of a cause that makes the path no better, below which it is minor
 
@@ -50,23 +53,33 @@ class Evidence:
     def diagnosis(self) -> Diagnosis:
         """Confirm on data held out, rank, and look at what is left."""
         road = self._road()
-        causes = [(cause, self._gain(cause)) for cause in self._causes()]
-        sure = [(c, g, t) for c, (g, t) in causes if t > 0.0]
-        findings, minor = [], []
-        for cause, gain, _ in sure:
-            share = max(0.0, 1.0 - gain.mse_after / max(gain.mse_before, 1e-300))
-            found = self._finding(cause, gain, share, road)
-            (minor if share < MINOR or self._negligible(found) else findings).append(found)
+        trials = [(cause, self._trial(cause)) for cause in self._causes()]
+        left = leftover(self.runs, self.searches, self.bodily)
+        left += [broken(c, t.gain.channel) for c, t in trials if t.worth <= 0.0 and loud(c)]
+        puzzling = {u.channel for u in left if u.puzzling}
+        sure, findings, minor = [], [], []
+        for cause, trial in trials:
+            if trial.worth <= 0.0:
+                continue
+            sure.append(cause)
+            found = self._finding(cause, trial, road)
+            believed = trial.believed(found.share, trial.gain.channel in puzzling)
+            small = found.share < MINOR or not believed or self._negligible(found)
+            (minor if small else findings).append(found)
         for found in self._quantised():
             (findings if found.share >= _COARSE else minor).append(found)
         findings.sort(key=lambda f: -f.share)
         minor.sort(key=lambda f: -f.share)
-        left = self._left()
         scores = {c: self._scores(c) for c in ("baseline", "extended")}
-        budget = self._budget([c for c, _, _ in sure], road)
-        serious = [u for u in left if u.fraction > 0.02]
+        budget = self._budget(sure, road)
+        taken = {
+            c: 1.0 - scores["extended"][c].mse / max(scores["baseline"][c].mse, 1e-300)
+            for c in scores["baseline"]
+        }
+        serious = [u for u in left if u.fraction > _SERIOUS]
+        open_ = [u for u in serious if u.fraction > _MOSTLY and taken[u.channel] < _SETTLED]
         verdict = "explained" if findings else "no_effect"
-        if serious and (not findings or max(u.fraction for u in serious) > 0.3):
+        if serious and (not findings or open_):
             verdict = "unexplained_structure"
         told = Diagnosis(
             verdict=verdict,
@@ -166,10 +179,9 @@ class Evidence:
 
     # ---- gains -----------------------------------------------------------------------------
 
-    def _scored(self, cause: Named) -> tuple[Scored, np.ndarray, bool, float]:
-        """The channel that a cause is worth most in, where it is judged, whether no fit has seen it
-        there, and what the cause gains of twice the log-likelihood."""
-        tried, worth = [], 0.0
+    def _trial(self, cause: Named) -> Trial:
+        """What a cause is worth on data held out, in the channel that it is worth most in."""
+        tried, sure = [], []
         if cause.search is not None and cause.finding is not None:
             stage, final = cause.search.stage, cause.search.final
             name = next(s.output for s, f in self.searches.items() if f is cause.search)
@@ -177,7 +189,7 @@ class Evidence:
             scored = Scored(name, stage.y, less.y, final.y, final.colour)
             held = bool(stage.held_out.sum() > 50)
             use = stage.held_out if held else stage.mask
-            worth += confirmed(scored, use)
+            sure.append(confirmed(scored, use, self.runs.dt))
             tried.append((scored, use, held))
         if cause.body is not None and self.bodily is not None:
             body, final, less = self.bodily.body, self.bodily.final, cause.body.less
@@ -185,18 +197,20 @@ class Evidence:
                 held = bool(body.held_out[c].sum() > 50)
                 use = body.held_out[c] if held else body.mask[c]
                 # what the chain rule passes on is taken out
-                before, after = (y - _left(body, f, c, use) for f in (less, final))
-                worth += confirmed(Scored(c, y, before, after, final.colour[c]), use)
-                before, after = less.predicted[c], final.predicted[c]
-                tried.append((Scored(c, y, before, after, final.colour[c]), use, held))
+                before, after = (y - residual(body, f, c, use) for f in (less, final))
+                chained = Scored(c, y, before, after, final.colour[c])
+                sure.append(confirmed(chained, use, body.dt))
+                whole = replace(chained, before=less.predicted[c], after=final.predicted[c])
+                tried += [(whole, use, held), (chained, use, held)]
         scored, use, held = max(tried, key=lambda t: t[0].taken(t[1]))
-        return scored, use, held, worth if held else cause.statistic
+        worth, variance = (sum(parts) for parts in zip(*sure, strict=True))
+        gain = gain_of(scored, use, held, self.runs.dt)
+        steady = worth / max(math.sqrt(variance), 1e-300)
+        return Trial(gain, worth if held else cause.statistic, steady)
 
-    def _gain(self, cause: Named) -> tuple[Gain, float]:
-        scored, use, held, worth = self._scored(cause)
-        return gain_of(scored, use, held, self.runs.dt), worth
-
-    def _finding(self, cause: Named, gain: Gain, share: float, road: Road | None) -> Finding:
+    def _finding(self, cause: Named, trial: Trial, road: Road | None) -> Finding:
+        gain = trial.gain
+        share = max(0.0, 1.0 - gain.mse_after / max(gain.mse_before, 1e-300))
         if road is not None:
             before, after = road.without(cause), road.extended_mean
             gain = replace(gain, ate_before=before, ate_after=after)
@@ -240,52 +254,7 @@ class Evidence:
                 return separate(cause.search.stage, cause.search.final, cause.finding.number, other)
         return _SENSOR
 
-    # ---- what is left ----------------------------------------------------------------------
-
-    def _left(self) -> list[Unexplained]:
-        found = []
-        for spec, own in self.searches.items():
-            stage, final = own.stage, own.final
-            e = np.where(stage.mask | stage.held_out, stage.y - final.y, 0.0)
-            white = whiten(e[None], final.colour[None])[0]
-            rate = np.gradient(final.y, stage.dt, axis=1)
-            regressors = {spec.input: stage.u, spec.output: final.y, f"rate of {spec.output}": rate}
-            regressors["t"] = np.asarray(stage.signals.t)
-            for seconds in (1.0, 8.0):
-                past = history(np.abs(stage.u), seconds, stage.dt)
-                regressors[f"the past {seconds:.0f} s of {spec.input}"] = past
-            if np.any(np.asarray(stage.signals.other)):
-                regressors["the other command"] = np.asarray(stage.signals.other)
-            found += structure(
-                spec.output,
-                e,
-                white,
-                stage.mask,
-                stage.held_out,
-                regressors,
-                self.runs.names,
-                stage.dt,
-            )
-        if self.bodily is not None:
-            body, final = self.bodily.body, self.bodily.final
-            regressors = {"v": body.v, "delta": body.delta, "t": self.runs.time()}
-            regressors["lateral acceleration"] = body.v**2 * body.delta
-            for c in ("r",):
-                if c in body.measured:
-                    whole = body.mask[c] | body.held_out[c]
-                    e = _left(body, final, c, whole)
-                    white = whiten(e[None], final.colour[c][None])[0]
-                    found += structure(
-                        c,
-                        e,
-                        white,
-                        body.mask[c],
-                        body.held_out[c],
-                        regressors,
-                        self.runs.names,
-                        body.dt,
-                    )
-        return found
+    # ---- scores ---------------------------------------------------------------------------
 
     def _scores(self, which: str) -> dict[str, ChannelScore]:
         found = {}
@@ -305,8 +274,8 @@ class Evidence:
             for c in ("r",):
                 if c in body.measured:
                     use = body.held_out[c] if body.held_out[c].sum() > 50 else body.mask[c]
-                    e, y = _left(body, fit, c, use)[use], body.measured[c][use]
-                    own = _left(body, self.bodily.final, c, body.mask[c])[body.mask[c]]
+                    e, y = residual(body, fit, c, use)[use], body.measured[c][use]
+                    own = residual(body, self.bodily.final, c, body.mask[c])[body.mask[c]]
                     noise = float(np.std(own))
                     ceiling = fit_percent(y, np.full(y.shape, noise))
                     found[c] = ChannelScore(fit_percent(y, e), float(np.mean(e**2)), noise, ceiling)
@@ -343,7 +312,7 @@ class Evidence:
             body = self.bodily.body
             known = body.mask["r"] | body.held_out["r"]
             fits = (self.bodily.plain, self.bodily.final)
-            before, after = (body.measured["r"] - _left(body, f, "r", known) for f in fits)
+            before, after = (body.measured["r"] - residual(body, f, "r", known) for f in fits)
             e = np.where(known, body.measured["r"] - after, 0.0)
             white = whiten(e[None], self.bodily.final.colour["r"][None])[0]
             made.append(
@@ -388,21 +357,18 @@ class Evidence:
     def _held_out(self) -> str:
         if len(self.records) > 1:
             judges = [
-                r.name for r, s in zip(self.runs.records, self.runs.split, strict=True) if s == 0
+                r.name
+                for r, spans in zip(self.runs.records, self.runs.judged, strict=True)
+                if spans
             ]
             return "whole logs: " + ", ".join(dict.fromkeys(judges))
-        return "the last 30 % of each stretch of the log"
+        return "the third, sixth and ninth tenth of each stretch of the log"
 
 
 def _in_place(found: Search, less: Refit, number: int) -> Refit:
     """The model with another cause in the place of one."""
     candidate = next(c for c in screen(found.stage, less) if c.number == number)
     return refit(found.stage, [joined(less.hypothesis, candidate)])[0]
-
-
-def _left(body: Body, fit, channel: str, use: np.ndarray) -> np.ndarray:
-    """Residual of a channel of the body after the chain rule, also where no fit has looked."""
-    return residual(body, fit, channel, use)
 
 
 def _chi_squared(statistic: float, freedom: int) -> float:

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from vdmsi_jax.effects.base import AbstractEffect, Scales, Signals
 from vdmsi_jax.parameters import parameter
 
-_SHARES = (0.97, 0.9, 0.75, 0.55, 0.35)  # of the range, at which limits are tried
+_SHARES = (0.97, 0.9, 0.75, 0.55, 0.35, 0.2)  # of the range, at which limits are tried
 
 
 class Saturation(AbstractEffect):

@@ -1,0 +1,308 @@
+"""Fits of the body, the road and the sensors: likelihood over all channels, by the chain rule."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from .body import CAUSES, NUISANCE, Body
+from .chain import regress
+from .colour import autoregression, filter_length, whiten
+
+_STEP = 1e-3
+_STEPS = 3  # of Gauss-Newton at one colour
+_SETTLED = 0.05  # gain of twice the log-likelihood by a step after which a lane rests
+
+
+@dataclass(frozen=True, eq=False)
+class BodyFit:
+    """A hypothesis about the body at its optimum.
+
+    Attributes:
+        active: numbers of the causes that are on.
+        theta: parameters.
+        loglik: over all channels.
+        logliks: by channel.
+        predicted: by channel, (runs, N); `left` the residual after the chain rule.
+        colour, variance: by channel.
+        free: numbers of the free parameters; `covariance` theirs.
+    """
+
+    active: tuple[int, ...]
+    theta: Float[np.ndarray, " P"]
+    loglik: float
+    logliks: dict[str, float]
+    predicted: dict[str, np.ndarray]
+    left: dict[str, np.ndarray]
+    colour: dict[str, np.ndarray]
+    variance: dict[str, float]
+    free: tuple[int, ...]
+    covariance: Float[np.ndarray, "p p"]
+
+
+def fit_body(
+    body: Body, actives: Sequence[tuple[int, ...]], start: BodyFit | None = None
+) -> list[BodyFit]:
+    """Fit hypotheses, started from another's parameters."""
+    low, high = bounds(body)
+    starts = []
+    for active in actives:
+        theta = np.zeros(low.size)
+        theta[0] = 0.5 * high[0]
+        if start is not None:
+            kept = [
+                *body.nuisance,
+                *(i for k in start.active if k in active for i in body.index[k]),
+            ]
+            theta[kept] = start.theta[kept]
+        starts.append((tuple(active), theta))
+    return refit_body(body, starts)
+
+
+def refit_body(
+    body: Body, starts: Sequence[tuple[tuple[int, ...], np.ndarray]], rounds: int = 2
+) -> list[BodyFit]:
+    """Fit hypotheses from their starts, each with its own colours."""
+    if not starts:
+        return []
+    lanes = [Lane(body, active, theta) for active, theta in starts]
+    for lane, y in zip(lanes, _answers(body, [lane.theta for lane in lanes]), strict=True):
+        lane.y = y
+    for _ in range(rounds):
+        for lane in lanes:
+            lane.recolour()
+        moving = lanes
+        for _ in range(_STEPS):
+            moving = _step(body, moving)
+    for lane in lanes:
+        lane.recolour()
+    return [lane.finish() for lane in lanes]
+
+
+def _answers(body: Body, thetas: Sequence[np.ndarray]) -> list[dict[str, np.ndarray]]:
+    if not thetas:
+        return []
+    y = body.simulate(np.stack(thetas))
+    return [{c: y[c][i] for c in y} for i in range(len(thetas))]
+
+
+def bounds(body: Body) -> tuple[np.ndarray, np.ndarray]:
+    low = [b[0] for b in NUISANCE.values()]
+    high = [b[1] for b in NUISANCE.values()]
+    for cause in CAUSES:
+        low += [cause.lower] * len(cause.names)
+        high += [5.0] * len(cause.names)
+    return np.array(low), np.array(high)
+
+
+class Lane:
+    """A hypothesis on its way.
+
+    Attributes:
+        body, active, theta: the hypothesis; `free` its free parameters.
+        y: response by channel.
+        colour, variance, shares: of each channel's innovations, and of the chain rule.
+    """
+
+    def __init__(self, body: Body, active: tuple[int, ...], theta: np.ndarray):
+        self.body, self.active, self.theta = body, active, theta
+        self.free = (*body.nuisance, *(i for k in active for i in body.index[k]))
+        self.y: dict[str, np.ndarray] = {}
+        self.colour: dict[str, np.ndarray] = {}
+        self.variance: dict[str, float] = {}
+        self.shares: dict[str, np.ndarray] = {}
+        self.normal = np.eye(len(self.free))
+        self.value = np.inf
+        self._still: dict[str, np.ndarray] = {}
+
+    @classmethod
+    def of(cls, body: Body, fit: BodyFit) -> "Lane":
+        """A lane at a fit."""
+        lane = cls(body, fit.active, fit.theta)
+        lane.y, lane.colour = fit.predicted, dict(fit.colour)
+        lane.recolour()
+        return lane
+
+    def raw(self, y: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Residuals."""
+        body = self.body
+        return {c: np.where(body.mask[c], body.measured[c] - y[c], 0.0) for c in y}
+
+    def left(self) -> dict[str, np.ndarray]:
+        """Residuals after the chain rule, its shares as they stand."""
+        e = self.raw(self.y)
+        columns = self.body.chain.columns(e)
+        return {c: e[c] - np.tensordot(self.shares[c], X, 1) for c, X in columns.items()}
+
+    def recolour(self) -> None:
+        """Estimate shares and colours anew."""
+        e = self.raw(self.y)
+        for c, X in self.body.chain.columns(e).items():
+            mask = self.body.mask[c]
+            order = filter_length(self.body.dt, int(mask.sum()))
+            colour = self.colour.get(c, np.zeros(order))
+            for _ in range(2):
+                w = whiten(np.concatenate([e[c][None], X])[None], colour[None])[0][:, mask]
+                self.shares[c] = regress(w[1:], w[0])
+                left = e[c] - np.tensordot(self.shares[c], X, 1)
+                colour = autoregression(left[None], mask, order)[0]
+            self.colour[c] = colour
+            white = whiten(np.concatenate([left[None], X])[None], colour[None])[0][:, mask]
+            self.variance[c] = float(np.mean(white[0] ** 2))
+            self._still[c] = white[1 + len(X) - len(self.body.chain.still[c]) :]
+        self.value = self.cost(self.y)
+
+    def cost(self, y: dict[str, np.ndarray]) -> float:
+        """Sum of squares of the innovations at the best shares of the chain rule, under the colours
+        as they stand, in their variances."""
+        e = self.raw(y)
+        moving, total = self.body.chain.moving(e), 0.0
+        for c in e:
+            rows = np.concatenate([e[c][None], moving[c]]) if c in moving else e[c][None]
+            w = self._white(c, rows)
+            X = np.concatenate([w[1:], self._still[c]])
+            rest = w[0] - regress(X, w[0]) @ X
+            total += float(rest @ rest) / self.variance[c]
+        return total
+
+    def _white(self, channel: str, rows: np.ndarray) -> np.ndarray:
+        return whiten(rows[None], self.colour[channel][None])[0][:, self.body.mask[channel]]
+
+    def passed(self, moved: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """A change of the responses as the residuals after the chain rule see it."""
+        body = self.body
+        moved = {c: np.where(body.mask[c], d, 0.0) for c, d in moved.items()}
+        taken = body.chain.moving(moved)
+        for c, X in taken.items():
+            moved[c] = moved[c] - np.tensordot(self.shares[c][: len(X)], X, 1)
+        return moved
+
+    def equations(self, slopes: Sequence[dict]) -> tuple[np.ndarray, np.ndarray, dict]:
+        """Normal equations for parameters with these slopes and for the shares of the chain rule
+        together; and by channel the rows that made them with their numbers."""
+        e = self.raw(self.y)
+        X, left = self.body.chain.columns(e), self.left()
+        k = len(slopes)
+        size = k + sum(len(x) for x in X.values())
+        normal, slope, at, stacks = np.zeros((size, size)), np.zeros(size), k, {}
+        for c, rest in left.items():
+            rows = np.concatenate([rest[None], *(s[c][None] for s in slopes), X[c]])
+            where = [*range(k), *range(at, at + len(X[c]))]
+            stacks[c] = (rows, where)
+            moving = len(X[c]) - len(self._still[c])
+            w = np.concatenate([self._white(c, rows[: 1 + k + moving]), self._still[c]])
+            gram = w @ w.T / self.variance[c]
+            normal[np.ix_(where, where)] += gram[1:, 1:]
+            slope[where] += gram[1:, 0]
+            at += len(X[c])
+        return normal, slope, stacks
+
+    def moved_to(self, theta: np.ndarray) -> BodyFit:
+        """The hypothesis with other parameters, its colours estimated anew."""
+        self.theta, self.y = theta, _answers(self.body, [theta])[0]
+        self.recolour()
+        return self.finish()
+
+    def finish(self) -> BodyFit:
+        """The fit as it stands."""
+        n = {c: int(self.body.mask[c].sum()) for c in self.y}
+        logliks = {c: -0.5 * n[c] * float(np.log(max(self.variance[c], 1e-300))) for c in self.y}
+        scale = np.sqrt(np.maximum(np.diag(self.normal), 1e-300))
+        unit = self.normal / np.outer(scale, scale) + 1e-12 * np.eye(len(scale))
+        covariance = np.linalg.inv(unit) / np.outer(scale, scale)
+        return BodyFit(
+            self.active, self.theta, sum(logliks.values()), logliks, self.y, self.left(),
+            self.colour, self.variance, self.free, covariance,
+        )  # fmt: skip
+
+
+def slopes(
+    body: Body, lanes: Sequence[Lane], free: Sequence[Sequence[int]]
+) -> list[list[dict[str, np.ndarray]]]:
+    """Differences of every lane's responses by some of its parameters, as its residuals see
+    them."""
+    shifted = []
+    for lane, numbers in zip(lanes, free, strict=True):
+        for i in numbers:
+            theta = lane.theta.copy()
+            theta[i] += _size(i)
+            shifted.append(theta)
+    answers = iter(_answers(body, shifted))
+    found = []
+    for lane, numbers in zip(lanes, free, strict=True):
+        own = []
+        for i in numbers:
+            y = next(answers)
+            own.append(lane.passed({c: (y[c] - lane.y[c]) / _size(i) for c in y}))
+        found.append(own)
+    return found
+
+
+def _size(i: int) -> float:
+    """Of the difference by a parameter."""
+    return _STEP * (0.1 if i else 0.02)
+
+
+def _step(body: Body, lanes: Sequence[Lane]) -> list[Lane]:
+    """One Gauss-Newton step of every lane, whole or in parts; those that still moved."""
+    if not lanes:
+        return []
+    low, high = bounds(body)
+    trials = []
+    found = slopes(body, lanes, [lane.free for lane in lanes])
+    for lane, own in zip(lanes, found, strict=True):
+        k = len(lane.free)
+        normal, slope, _ = lane.equations(own)
+        shares = np.diag(normal[k:, k:])
+        inner = normal[k:, k:] + np.diag(np.where(shares > 0, 1e-8 * shares, 1.0))
+        fold = np.linalg.solve(inner, normal[k:, :k])
+        lane.normal = normal[:k, :k] - normal[:k, k:] @ fold
+        push = slope[:k] - fold.T @ slope[k:]
+        scale = np.sqrt(np.maximum(np.diag(lane.normal), 1e-300))
+        move = _inside(
+            lane.normal / np.outer(scale, scale) + 1e-6 * np.eye(k), push / scale,
+            *((b[list(lane.free)] - lane.theta[list(lane.free)]) * scale for b in (low, high)),
+        )  # fmt: skip
+        for part in (1.0, 0.25):
+            theta = lane.theta.copy()
+            theta[list(lane.free)] += part * move / scale
+            trials.append(np.clip(theta, low, high))
+    tried = _answers(body, trials)
+    moved = []
+    for i, lane in enumerate(lanes):
+        options = [(lane.cost(tried[j]), j) for j in (2 * i, 2 * i + 1)]
+        best, j = min((o for o in options if np.isfinite(o[0])), default=(np.inf, 0))
+        if best < lane.value:
+            if lane.value - best > _SETTLED:
+                moved.append(lane)
+            lane.value, lane.theta, lane.y = best, trials[j], tried[j]
+    return moved
+
+
+def _inside(normal: np.ndarray, slope: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """The step of normal equations within bounds: what would leave them is held there, and the
+    others step without it."""
+    step, held = np.zeros(len(slope)), np.zeros(len(slope), bool)
+    for _ in range(len(slope)):
+        free = ~held
+        rhs = slope[free] - normal[np.ix_(free, held)] @ step[held]
+        step[free] = np.linalg.solve(normal[np.ix_(free, free)], rhs)
+        out = free & ((step < low) | (step > high))
+        if not out.any():
+            break
+        step[out] = np.clip(step[out], low[out], high[out])
+        held |= out
+        if held.all():
+            break
+    return step
+
+
+def residual(body: Body, fit: BodyFit, channel: str, use: np.ndarray) -> Float[np.ndarray, "R N"]:
+    """What a fit leaves of a channel after the chain rule, over any samples, by the shares that the
+    fit has found."""
+    lane = Lane.of(body, fit)
+    e = {c: body.measured[c] - fit.predicted[c] for c in fit.predicted}
+    whole = {c: np.ones_like(body.mask[c]) for c in body.mask}
+    X = replace(body, mask=whole).chain.columns(e)[channel]
+    return np.where(use, e[channel] - np.tensordot(lane.shares[channel], X, 1), 0.0)
