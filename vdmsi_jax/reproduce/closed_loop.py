@@ -50,7 +50,7 @@ class DeadReckoning:
                 return seen.pose
             self.cut, self._anchor = seen.row, seen.pose
         held = np.concatenate([commands, np.repeat(commands[-1:], self.rows - k, axis=0)])
-        poses = np.asarray(simulate(self.vehicle, Commands(*held.T, ROW)).poses)
+        poses = np.asarray(simulate(self.vehicle, Commands(held[:, 0], held[:, 1], ROW)).poses)
         return moved(poses[k], poses[self.cut], self._anchor)
 
 

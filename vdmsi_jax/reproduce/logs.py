@@ -12,6 +12,7 @@ from ..errors import InputError
 from ..files import output_folder, write_text
 from ..scenarios import PAPER_DURATION, paper_powertrain_steps, paper_steering_steps, random_steps
 from ..testbed import ROW, Car, Causes, Driver, drive, replay, vehicle_toml, write_log
+from ..testbed.picture import look
 from .course import COURSES, Course, Pursuer, ramped, stepped
 
 SHIPPED = Path(__file__).parent / "recorded"
@@ -117,6 +118,32 @@ def read_logs(folder: Path) -> Mapping[str, Record]:
         mend = "make them with `vdmsi reproduce --engine`"
         raise InputError(str(folder), "vehicle.toml", "there are no logs here", mend)
     return {name: read_log(folder / f"{name}.csv", folder / "vehicle.toml") for name in names}
+
+
+def look_file(folder: Path, course: Course) -> Path:
+    """Where the picture of the car on a course is kept, beside the folders of the cars."""
+    return folder / f"look_{course.name}.png"
+
+
+def make_looks(folder: Path, logs: Mapping[str, Record]) -> str | None:
+    """Draw the car before, in and after the bend of each course; None, or why it cannot be."""
+    for course in COURSES:
+        record = logs[course.name]
+        poses = np.stack([record[c] for c in ("x", "y", "psi")], axis=1)
+        marks = (course.entrance, 0.5 * (course.entrance + course.exit), course.exit + 5.0)
+        progress = course.progress(poses)
+        rows = [int(np.argmax(progress >= mark)) for mark in marks]
+        moments = np.column_stack([poses, record["delta_cmd"]])[rows]
+        refused = look(look_file(folder, course), course.path(), moments)
+        if refused is not None:
+            return refused
+    return None
+
+
+def looks(folder: Path) -> dict[str, bytes]:
+    """The pictures that there are, as PNG, by the course's name."""
+    files = {course.name: look_file(folder, course) for course in COURSES}
+    return {name: file.read_bytes() for name, file in files.items() if file.is_file()}
 
 
 def run_file(folder: Path, course: Course, model: str) -> Path:

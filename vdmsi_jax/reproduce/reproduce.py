@@ -11,7 +11,18 @@ from ..testbed import write_log
 from .closed_loop import ClosedLoop, judge, record_run
 from .course import COURSES, Course
 from .identification import Identification, identify_actuators
-from .logs import DRIVES, STEPS, TRIMS, Trim, make_logs, read_logs, read_run, run_file, start_name
+from .logs import (
+    DRIVES,
+    STEPS,
+    TRIMS,
+    Trim,
+    make_logs,
+    make_looks,
+    read_logs,
+    read_run,
+    run_file,
+    start_name,
+)
 from .open_loop import OpenLoop, open_loop
 
 KEYS = {"VDM": "vdm", "VDM-SI": "vdm_si", "extended": "extended"}
@@ -66,7 +77,11 @@ def reproduce(
         InputError: a log is missing or refused; or MuJoCo is not installed, and `engine` asks for
             it.
     """
-    return [_one(trim, folder / trim.name, engine, told) for trim in trims]
+    found = [_one(trim, folder / trim.name, engine, told) for trim in trims]
+    if engine:
+        told("taking pictures")
+        make_looks(folder, read_logs(folder / trims[0].name))
+    return found
 
 
 def _one(trim: Trim, folder: Path, engine: bool, told: Callable[[str], None]) -> Experiments:

@@ -3,6 +3,7 @@
 The package imports without MuJoCo (extra `[mujoco]`); driving the car needs it.
 """
 
+from .car import UNITS as UNITS
 from .car import Car as Car
 from .car import Causes as Causes
 from .car import Controllers as Controllers

@@ -156,3 +156,42 @@ class Car:
     controllers: Controllers = field(default_factory=Controllers)
     causes: Causes = field(default_factory=Causes)
     sensor: PoseSensor = field(default_factory=PoseSensor)
+
+
+UNITS = {
+    **dict.fromkeys(("l_f", "l_r", "track", "cog_height", "wheel_radius", "trail"), "m"),
+    **dict.fromkeys(("mass", "wheel_mass"), "kg"),
+    "yaw_inertia": "kg m^2",
+    "suspension": "N/m",
+    "suspension_damping": "N s/m",
+    "friction": "1",
+    "creep": "(m/s)/N",
+    "front_creep": "1",
+    "max_steering": "rad",
+    "max_acceleration": "m/s^2",
+    "speed_gain": "1/s",
+    "speed_integral": "1/s^2",
+    "torque_lag": "s",
+    "steering_gain": "1/s",
+    "steering_stiffness": "N m s/rad",
+    "steering_ratio": "1",
+    "steering_inertia": "kg m^2",
+    "steering_damping": "N m s/rad",
+    "steering_friction": "N m",
+    "steering_play": "rad",
+    "steering_torque": "N m",
+    "steering_rate": "rad/s",
+    "steering_offset": "rad",
+    "drive_acceleration": "m/s^2",
+    "grade": "1",
+    "bank": "1",
+    "mass_shift": "m",
+    "wheel_scale": "1",
+    "command_delay": "s",
+    "sensor_delay": "s",
+    "rate": "Hz",
+    "latency": "s",
+    "place_noise": "m",
+    "heading_noise": "rad",
+}
+"""The unit of every number of a car."""

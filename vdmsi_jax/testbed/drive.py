@@ -29,18 +29,8 @@ class Sighting(NamedTuple):
 Driver = Callable[[int, Sighting], tuple[float, float]]
 """From the number of the row and the last sighting that is known to both commands (m/s, rad)."""
 
-DECIMALS = {
-    "t": 2,
-    "v_cmd": 4,
-    "delta_cmd": 5,
-    "v": 4,
-    "delta": 5,
-    "r": 5,
-    "x": 4,
-    "y": 4,
-    "psi": 5,
-}
-"""Places after the point in a log, well below the noise."""
+DECIMALS = {"t": 2, "delta_cmd": 5, "delta": 5, "r": 5, "x": 3, "y": 3, "psi": 5}
+"""Places after the point in a log, below the noise; 4 for what is not named."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +119,8 @@ def vehicle_toml(car: Car) -> str:
     from the pose as in the paper's section 5.1."""
     d = car.dimensions
     window = 7.0 / car.sensor.rate
-    return f"""# The test vehicle (table 1 of the paper). Its log holds commands and lidar poses; the rest follows.
+    return f"""# The test vehicle, with table 1 of the paper. Its logs hold commands and poses of a
+# lidar; speed, yaw rate and steering angle follow from these.
 
 [vehicle]
 l_f = {d.l_f}          # m, centre of gravity to front axle

@@ -62,7 +62,7 @@ def mjcf(car: Car) -> str:
 <material name="ground" texture="ground" texrepeat="0.5 0.5" texuniform="true" reflectance="0"/>
 </asset>
 <worldbody>
-<light directional="true" pos="0 0 40" dir="-0.3 0.2 -1" diffuse="0.6 0.6 0.6"/>
+<light directional="true" castshadow="false" pos="0 0 40" dir="-0.3 0.2 -1" diffuse="0.6 0.6 0.6"/>
 <geom name="road" type="plane" size="200 200 1" material="ground" contype="0" conaffinity="0"/>
 <body name="car" pos="0 0 {d.cog_height}">
 <freejoint name="free"/>
