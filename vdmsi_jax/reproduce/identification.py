@@ -34,14 +34,17 @@ class Identification:
         return self.grids[plant].best
 
 
-def identify_actuators(records: Sequence[Record]) -> Identification:
+def identify_actuators(
+    records: Sequence[Record], options: IdentifyOptions = PAPER_OPTIONS
+) -> Identification:
     """Fit every order P1Z0 to P5Z5 to powertrain and steering.
 
     Args:
         records: the two experiments of figure 3.
+        options: other orders, or a delay, than the paper's.
 
     Raises:
         InputError: an actuator was not moved.
     """
-    grids = identify_vehicle(records, options=PAPER_OPTIONS)
+    grids = identify_vehicle(records, options=options)
     return Identification(grids, identified(grids))

@@ -110,8 +110,13 @@ def write_log(path: str | Path, columns: Mapping[str, np.ndarray]) -> Path:
     places = [DECIMALS.get(name, 4) for name in columns]
     lines = [",".join(columns)]
     for row in zip(*columns.values(), strict=True):
-        lines.append(",".join(f"{value:.{n}f}" for value, n in zip(row, places, strict=True)))
+        lines.append(",".join(_short(value, n) for value, n in zip(row, places, strict=True)))
     return write_text(path, "\n".join(lines) + "\n")
+
+
+def _short(value: float, places: int) -> str:
+    text = f"{value:.{places}f}".rstrip("0").rstrip(".")
+    return "0" if text == "-0" else text
 
 
 def vehicle_toml(car: Car) -> str:
