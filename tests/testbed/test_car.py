@@ -88,7 +88,7 @@ def test_it_turns_like_a_bicycle_at_a_walk():
     assert last[R] == pytest.approx(float(bicycle.yaw_rate(last[V], last[DELTA])), rel=0.02)
 
 
-def test_its_tyres_creep_as_stated():
+def test_its_tyres_slip_as_stated():
     """Side slip at the rear axle over the force that the tyres bear there."""
     car = Car()
     d = car.dimensions
@@ -98,8 +98,21 @@ def test_its_tyres_creep_as_stated():
     middle = truth[-6, 2]
     across = -vx * np.sin(middle) + vy * np.cos(middle) - r * d.l_r
     force = 0.5 * d.mass * r * v * d.l_f / d.wheelbase
-    stated = d.creep * d.wheelbase / (2.0 * d.l_f)
+    stated = v * d.wheelbase / (2.0 * d.l_f) / d.tyre_stiffness
     assert -across / force == pytest.approx(stated, rel=0.1)  # springs and drive force mix in
+
+
+def test_it_understeers_with_the_square_of_the_speed():
+    car = Car()
+    d = car.dimensions
+    bicycle = Bicycle(d.l_f, d.l_r)
+    gradients = []
+    for v in (3.0, 5.0):
+        last = driven(v=v, delta=0.1, duration=12.0, car=car).truth[-1]
+        ideal = float(bicycle.yaw_rate(last[V], last[DELTA]))
+        gradients.append((ideal / last[R] - 1.0) / last[V] ** 2)
+    slip = d.mass / (4.0 * d.tyre_stiffness) * (d.front_softness - 1.0)
+    np.testing.assert_allclose(gradients, slip / d.wheelbase, rtol=0.25)  # a linear theory
 
 
 EFFECTS = {

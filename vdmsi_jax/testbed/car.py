@@ -25,9 +25,10 @@ class Dimensions:
         suspension: stiffness at each wheel, N/m.
         suspension_damping: at each wheel, N s/m.
         friction: of the tyres on the road.
-        creep: sideways and lengthways slip of a tyre per force on it, (m/s)/N; of a tyre that
-            carries a quarter of the car, and inversely as the load that it was made for.
-        front_creep: slip of a front tyre over that; more than 1 understeers.
+        tyre_stiffness: force over slip of a tyre that carries a quarter of the car, sideways per
+            angle and lengthways per share of the speed, N/rad; in proportion to the load that a
+            tyre was made for.
+        front_softness: slip of the front tyres over that; more than 1 understeers.
         max_steering: of the road wheel, rad. Table 1 says 1.7, at which no car can roll; 0.7 here.
         max_acceleration: m/s² (table 1); it limits the drive's torque.
     """
@@ -44,8 +45,8 @@ class Dimensions:
     suspension: float = 40_000.0
     suspension_damping: float = 3_500.0
     friction: float = 0.9
-    creep: float = 6e-5
-    front_creep: float = 1.1
+    tyre_stiffness: float = 50_000.0
+    front_softness: float = 1.4
     max_steering: float = 0.7
     max_acceleration: float = 4.5
 
@@ -165,8 +166,8 @@ UNITS = {
     "suspension": "N/m",
     "suspension_damping": "N s/m",
     "friction": "1",
-    "creep": "(m/s)/N",
-    "front_creep": "1",
+    "tyre_stiffness": "N/rad",
+    "front_softness": "1",
     "max_steering": "rad",
     "max_acceleration": "m/s^2",
     "speed_gain": "1/s",

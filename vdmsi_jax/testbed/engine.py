@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from ..errors import InputError
 from .car import Car
-from .mjcf import STEP, mjcf
+from .mjcf import STEP, friction_times, mjcf
 
 ROW = 0.01
 """Time between two commands, and two rows of a log: the paper's 100 Hz, s."""
@@ -102,6 +102,7 @@ class Engine:
         angle, rate = self._servo
         strongest = d.mass * min(d.max_acceleration, c.drive_acceleration)
         ctrl, qpos, qvel = data.ctrl, data.qpos, data.qvel
+        self.model.pair_solreffriction[:, 0] = friction_times(d, np.hypot(qvel[0], qvel[1]))
         for _ in range(round(ROW / STEP)):
             # the encoder's speed, by the radius that the car believes in
             speed = 0.5 * (qvel[left] + qvel[right]) * d.wheel_radius

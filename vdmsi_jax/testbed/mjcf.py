@@ -12,7 +12,8 @@ STEP = 0.002
 CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
 _NORMAL_TIME = 0.02  # s, time constant of a contact: the engine's own
 _IMPEDANCE = 0.9  # of a contact; the engine's own begins there
-_INVERSE_MASS = 0.0416  # 1/kg, at a tyre as the engine reckons it: from the creep in steady turns
+_INVERSE_MASS = np.array([0.0526, 0.0526, 0.0416, 0.0416])
+"""What the engine reckons with at each tyre, 1/kg: from the slip in steady turns."""
 
 
 def mjcf(car: Car) -> str:
@@ -20,8 +21,8 @@ def mjcf(car: Car) -> str:
 
     The body moves freely; each wheel hangs on a spring. The knuckles of the front wheels turn about
     kingpins and are tied to the angle of the linkage by Ackermann's geometry, the linkage to the
-    servo, rigidly or with play. A tyre touches the road in one point and creeps in proportion to
-    the force on it, up to its friction. A slope is a tilt of gravity.
+    servo, rigidly or with play. A tyre touches the road in one point and slips under the force on
+    it (`friction_times`), up to its friction. A slope is a tilt of gravity.
     """
     d, c, k = car.dimensions, car.causes, car.controllers
     radius = d.wheel_radius * c.wheel_scale
@@ -31,7 +32,7 @@ def mjcf(car: Car) -> str:
     corners = "\n".join(_corner(car, name, radius) for name in CORNERS)
     pairs = "\n".join(
         f'<pair geom1="{name}" geom2="road" condim="3" friction="{d.friction} {d.friction} 0 0 0" '
-        f'solref="{_NORMAL_TIME} 1" solreffriction="{_creep(d, name)}" '
+        f'solref="{_NORMAL_TIME} 1" solreffriction="{2.0 * STEP} 1" '
         f'solimp="{_IMPEDANCE} {_IMPEDANCE} 0.001"/>'
         for name in CORNERS
     )
@@ -148,13 +149,14 @@ def _gravity(grade: float, bank: float) -> tuple[float, float, float]:
     return -grade * size, -bank * size, -size
 
 
-def _creep(d: Dimensions, corner: str) -> str:
-    """`solreffriction` for which a tyre slips as `Dimensions.creep` says.
+def friction_times(d: Dimensions, speed: float) -> np.ndarray:
+    """Time constants of `solreffriction` in the order of `CORNERS`, (4,), s, for which the tyres
+    slip at a speed (m/s) as `Dimensions.tyre_stiffness` says.
 
     A friction constraint of the engine settles where `b v = R f`, with `R` an inverse mass times
-    `(1 - d) / d` and `b = 2 / (d time_constant)` (MuJoCo documentation, Computation).
+    `(1 - d) / d` and `b = 2 / (d time_constant)` (MuJoCo documentation, Computation): a slip speed
+    in proportion to the force. That of a tyre is a slip angle, so the constant goes with the speed.
     """
-    share = 2.0 * (d.l_r if corner.startswith("front") else d.l_f) / d.wheelbase
-    creep = d.creep / share * (d.front_creep if corner.startswith("front") else 1.0)
-    time_constant = 2.0 * creep / (_INVERSE_MASS * (1.0 - _IMPEDANCE))
-    return f"{max(time_constant, 2.0 * STEP):.6g} 1"
+    softness = np.array([d.front_softness / d.l_r] * 2 + [1.0 / d.l_f] * 2) * 0.5 * d.wheelbase
+    creep = abs(speed) / d.tyre_stiffness * softness
+    return np.maximum(2.0 * creep / (_INVERSE_MASS * (1.0 - _IMPEDANCE)), 2.0 * STEP)
