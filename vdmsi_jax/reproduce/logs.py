@@ -10,7 +10,13 @@ from ..data.read import read_log
 from ..data.record import Record
 from ..errors import InputError
 from ..files import output_folder, write_text
-from ..scenarios import PAPER_DURATION, paper_powertrain_steps, paper_steering_steps, random_steps
+from ..scenarios import (
+    PAPER_DURATION,
+    chirp,
+    paper_powertrain_steps,
+    paper_steering_steps,
+    random_steps,
+)
 from ..testbed import ROW, Car, Causes, Driver, drive, replay, vehicle_toml, write_log
 from ..testbed.picture import look
 from .course import COURSES, Course, Pursuer, ramped, stepped
@@ -21,8 +27,10 @@ SHIPPED = Path(__file__).parent / "recorded"
 STEPS = ("powertrain_steps", "steering_steps")
 """The two experiments of figure 3."""
 
-DRIVES = ("drive_1", "drive_2")
-"""Mixed driving, which a diagnosis sees beside the steps; no course is among it."""
+DRIVES = ("mixed_1", "chirp", "mixed_2")
+"""What a diagnosis sees: driving at the speeds and angles of the courses, and the chirp with which
+play is told from friction; the last one judges. The steps of figure 3 are left out, since angles of
+0.52 rad at a walk are another range, and so are the courses, on which the models are compared."""
 
 _MIXED_DURATION = 40.0  # s
 _MIXED_RAMP = 1.5  # m/s²
@@ -82,8 +90,8 @@ def _drives(trim: Trim) -> dict[str, tuple[float, Driver]]:
         name: (PAPER_DURATION, replay(np.asarray(c.v_cmd), np.asarray(c.delta_cmd)))
         for name, c in zip(STEPS, steps, strict=True)
     }
-    for seed, name in enumerate(DRIVES, start=1):
-        plan[name] = (_MIXED_DURATION, replay(*mixed(seed)))
+    for name, commands in zip(DRIVES, (mixed(1), swept(), mixed(2)), strict=True):
+        plan[name] = (_MIXED_DURATION, replay(*commands))
     geometry, limit = trim.car.dimensions.geometry, trim.car.dimensions.max_steering
     for course in COURSES:
         rows = round(course.duration / ROW) + 1
@@ -105,6 +113,12 @@ def mixed(seed: int) -> tuple[np.ndarray, np.ndarray]:
         speed += np.clip(level - speed, -_MIXED_RAMP * ROW, _MIXED_RAMP * ROW)
     angles = [0.0, 0.08, -0.15, 0.22, -0.05, 0.15, -0.22]
     return v, random_steps(angles, dwell=(0.6, 2.2), seed=seed + 10, **timing)
+
+
+def swept() -> tuple[np.ndarray, np.ndarray]:
+    """Commands of a chirp of the steering at a steady speed; (N,) m/s and (N,) rad."""
+    delta = chirp(low=0.1, high=4.0, amplitude=0.15, duration=_MIXED_DURATION, dt=ROW)
+    return np.minimum(_MIXED_RAMP * ROW * np.arange(delta.size), 3.0), delta
 
 
 def read_logs(folder: Path) -> Mapping[str, Record]:

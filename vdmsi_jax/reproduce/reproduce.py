@@ -36,7 +36,7 @@ class Experiments:
     Attributes:
         trim: the car.
         identification: section 5.1, figures 4 and 5, table 2.
-        diagnosis: what else is wrong with it, from the steps and mixed driving.
+        diagnosis: what else is wrong with it, from driving that is neither steps nor a course.
         open_loop: table 3, by course.
         closed_loop: figure 7, by course and model.
     """
@@ -91,7 +91,7 @@ def _one(trim: Trim, folder: Path, engine: bool, told: Callable[[str], None]) ->
     told(f"identifying the {trim.name} car")
     found = identify_actuators([logs[name] for name in STEPS])
     told(f"diagnosing the {trim.name} car")
-    diagnosis = diagnose([logs[name] for name in (*STEPS, *DRIVES)])
+    diagnosis = diagnose([logs[name] for name in DRIVES])
     extended = extended_model(diagnosis)
     models = {"VDM": found.model.to_vehicle(dynamics=False), "VDM-SI": found.model.to_vehicle()}
     if extended is not None:
