@@ -106,12 +106,13 @@ def _tiles(experiments: Sequence[Experiments]) -> Tiles:
             vdm, si = (found.estimates[model].ate["mean"] for model in ("VDM", "VDM-SI"))
             runs = one.closed_loop[course]
             before, after = (runs[m].error[runs[m].at_exit] for m in ("VDM", "VDM-SI"))
+            fallen = gain(float(before), float(after))
             items.append(
                 (
-                    f"{one.trim.name} car, {found.course.title}: mean ATE",
-                    f"{number(vdm, 3)} → {number(si, 3)} m",
-                    f"VDM-SI takes {gain(vdm, si):.0f} % off VDM; "
-                    f"{gain(float(before), float(after)):.0f} % at the exit without sensors",
+                    f"{one.trim.name} car, {found.course.title}: VDM-SI against VDM",
+                    f"{_percent(-gain(vdm, si))}",
+                    f"mean ATE, from {number(vdm, 3)} to {number(si, 3)} m; without sensors "
+                    f"{_percent(-fallen)} at the end of the bend",
                 )
             )
     return Tiles(items)

@@ -22,7 +22,7 @@ class Rule(enum.Enum):
     """How VDM gets its speed; the value is the sentence that tells it."""
 
     VELOCITY = "the speed is the command, at once"
-    DIFFERENCE = "a is the difference of the command over a sample, integrated from the true speed"
+    DIFFERENCE = "a is the command's difference over a sample, integrated from the measured speed"
     LIMITED_DIFFERENCE = "that difference, cut to the maximum acceleration before it is integrated"
     RATE_LIMITED = "the speed approaches the command with the maximum acceleration"
 
