@@ -5,6 +5,7 @@ import xml.etree.ElementTree as ElementTree
 
 import pytest
 
+from vdmsi_jax import plots
 from vdmsi_jax.cli import main
 from vdmsi_jax.files import write_json
 from vdmsi_jax.report.page import render
@@ -53,6 +54,18 @@ def test_every_figure_is_a_vector_drawing_with_a_caption_and_labelled_axes(one):
         tree = ElementTree.fromstring(drawing.svg)
         assert tree.tag.endswith("svg") and drawing.caption
         assert figure_file("worn", name) == f"worn_{name}.svg"
+
+
+def test_a_figure_labels_its_axes_with_units(one):
+    powertrain, steering = (g.record for g in one.identification.grids.values())
+    drawn = [plots.step_inputs(powertrain, steering), plots.open_loop(one.open_loop["bend"])]
+    drawn += [
+        draw(one) for draw in (plots.courses, plots.navigation, plots.navigated, plots.vdm_rules)
+    ]
+    for figure in drawn:
+        for axes in figure.axes:
+            shared = axes.get_shared_x_axes().get_siblings(axes)
+            assert any("(" in sibling.get_xlabel() for sibling in shared)
 
 
 def test_the_report_holds_every_figure_and_picture_and_needs_nothing_else(one):
