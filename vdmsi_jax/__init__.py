@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from .diagnose import diagnose as diagnose
     from .errors import InputError as InputError
     from .identify.identify import identify as identify
+    from .identify.online import Forgetting as Forgetting
+    from .identify.online import Tracking as Tracking
+    from .identify.online import identify_online as identify_online
     from .identify.result import Fit as Fit
     from .identify.result import OrderGrid as OrderGrid
     from .identify.vehicle import identify_vehicle as identify_vehicle
@@ -59,6 +62,7 @@ _HOMES = {
     "diagnose": ("Diagnosis", "Finding", "diagnose"),
     "errors": ("InputError",),
     "identify.identify": ("identify",),
+    "identify.online": ("Forgetting", "Tracking", "identify_online"),
     "identify.result": ("Fit", "OrderGrid"),
     "identify.vehicle": ("identify_vehicle",),
     "metrics": ("ate", "fit", "mse"),
