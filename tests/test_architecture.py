@@ -25,7 +25,7 @@ LAYERS = (
     {"metrics", "scenarios", "control"},
     {"simulate", "sensitivity"},
     {"identify"},
-    {"bands", "compare", "correlation", "sweep", "diagnose"},
+    {"bands", "compare", "correlation", "sweep", "diagnose", "fusion"},
     {"plots"},
     {"report", "terminal"},
     {"cli"},

@@ -26,6 +26,11 @@ if TYPE_CHECKING:
     from .diagnose import Finding as Finding
     from .diagnose import diagnose as diagnose
     from .errors import InputError as InputError
+    from .fusion import Fused as Fused
+    from .fusion import GaussMarkov as GaussMarkov
+    from .fusion import ModelError as ModelError
+    from .fusion import PoseSensor as PoseSensor
+    from .fusion import fuse as fuse
     from .identify.identify import identify as identify
     from .identify.online import Forgetting as Forgetting
     from .identify.online import Tracking as Tracking
@@ -61,6 +66,7 @@ _HOMES = {
     "data.segment": ("Segment",),
     "diagnose": ("Diagnosis", "Finding", "diagnose"),
     "errors": ("InputError",),
+    "fusion": ("Fused", "GaussMarkov", "ModelError", "PoseSensor", "fuse"),
     "identify.identify": ("identify",),
     "identify.online": ("Forgetting", "Tracking", "identify_online"),
     "identify.result": ("Fit", "OrderGrid"),
