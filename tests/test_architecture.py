@@ -26,6 +26,7 @@ LAYERS = (
     {"simulate", "sensitivity"},
     {"identify"},
     {"bands", "compare", "correlation", "sweep", "diagnose", "fusion"},
+    {"reproduce"},
     {"plots"},
     {"report", "terminal"},
     {"cli"},

@@ -1,0 +1,1 @@
+"""The paper's experiments, made again, and what lies beyond them."""
