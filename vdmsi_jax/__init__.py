@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from .fusion import ModelError as ModelError
     from .fusion import PoseSensor as PoseSensor
     from .fusion import fuse as fuse
+    from .identify.acceleration import SpeedResponse as SpeedResponse
+    from .identify.acceleration import speed_response as speed_response
     from .identify.identify import identify as identify
     from .identify.online import Forgetting as Forgetting
     from .identify.online import Tracking as Tracking
@@ -67,6 +69,7 @@ _HOMES = {
     "diagnose": ("Diagnosis", "Finding", "diagnose"),
     "errors": ("InputError",),
     "fusion": ("Fused", "GaussMarkov", "ModelError", "PoseSensor", "fuse"),
+    "identify.acceleration": ("SpeedResponse", "speed_response"),
     "identify.identify": ("identify",),
     "identify.online": ("Forgetting", "Tracking", "identify_online"),
     "identify.result": ("Fit", "OrderGrid"),
