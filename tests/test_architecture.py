@@ -23,7 +23,7 @@ LAYERS = (
     {"data"},
     {"models", "effects", "model_file"},
     {"metrics", "scenarios", "control"},
-    {"simulate", "sensitivity"},
+    {"simulate", "sensitivity", "testbed"},
     {"identify"},
     {"bands", "compare", "correlation", "sweep", "diagnose", "fusion"},
     {"reproduce"},

@@ -1,4 +1,4 @@
-"""The command line: `vdmsi diagnose`, `vdmsi identify`, `vdmsi simulate`, `vdmsi sweep`.
+"""The command line: `vdmsi diagnose`, `identify`, `simulate`, `sweep`, `reproduce`.
 
 Each command reads its input before it imports what computes, so that bad input is refused at once.
 """
@@ -220,7 +220,74 @@ def sweep(
         raise SystemExit(2)
 
 
-COMMANDS = {"diagnose": diagnose, "identify": identify, "simulate": simulate, "sweep": sweep}
+def reproduce(
+    *,
+    out: Folder,
+    logs: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="")] = None,
+    engine: bool = False,
+    report: bool = True,
+    cache: bool = True,
+) -> None:
+    """Make the experiments of the paper again, with a car on a physics engine.
+
+    Writes results.json, figures/ and report.html.
+
+    Args:
+        out: folder to write to.
+        logs: logs of an earlier run with --engine (its folder logs); those of the package without.
+        engine: drive the car anew, by MuJoCo, and keep its logs in the folder logs.
+        report: write figures/ and report.html.
+        cache: keep compiled programs for the next time.
+    """
+    from .files import output_folder, write_json, write_text
+
+    if engine and logs is not None:
+        problem = "is read from where --engine writes"
+        raise InputError("vdmsi reproduce", "--logs", problem, "give one of both")
+    output_folder(out)
+    _prepare_jax(cache)
+
+    from . import terminal
+    from .reproduce import SHIPPED
+    from .reproduce import reproduce as run
+    from .reproduce.document import results_document
+    from .reproduce.logs import looks
+
+    folder = out / "logs" if engine else logs or SHIPPED
+    source = (
+        "Recorded by the physics engine in this run."
+        if engine
+        else (
+            "From logs that were recorded by the physics engine before; what follows from them was "
+            "computed in this run, the drives without sensors excepted."
+        )
+    )
+    with terminal.working("reproducing") as say:
+        found = run(folder, engine=engine, told=say)
+    write_json(out / "results.json", results_document(found, source=source))
+    terminal.show_reproduction(found)
+    if report:
+        with terminal.working("drawing the report"):
+            from .report.page import render
+            from .report.reproduction import figure_file, figures, reproduction_page
+
+            drawings = {one.trim.name: figures(one) for one in found}
+            output_folder(out / "figures")
+            for car, drawn in drawings.items():
+                for name, drawing in drawn.items():
+                    write_text(out / "figures" / figure_file(car, name), drawing.svg + "\n")
+            page = reproduction_page(found, drawings, looks(folder), source=source)
+            write_text(out / "report.html", render(page))
+        terminal.OUT.print(f"report: {out / 'report.html'}", soft_wrap=True)
+
+
+COMMANDS = {
+    "diagnose": diagnose,
+    "identify": identify,
+    "simulate": simulate,
+    "sweep": sweep,
+    "reproduce": reproduce,
+}
 
 
 def main(arguments: list[str] | None = None) -> None:

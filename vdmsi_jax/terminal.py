@@ -12,6 +12,7 @@ from .compare import Comparison
 from .diagnose.document import in_words, left_over, title
 from .diagnose.result import Diagnosis
 from .identify.result import OrderGrid
+from .reproduce import Experiments
 
 OUT = Console(highlight=False)
 ERR = Console(stderr=True, highlight=False)
@@ -90,6 +91,21 @@ def show_comparisons(comparisons: Sequence[Comparison]) -> None:
                 + ["–" if score is None else f"{score.fit:.2f}" for score in scores]
                 + ["–" if error is None else f"{error.ate['mean']:.3f}" for error in errors]
             )
+    show_table(header, rows)
+
+
+def show_reproduction(experiments: Sequence[Experiments]) -> None:
+    """Table 3 and the end of figure 7, a line per car, scenario and model."""
+    header = ["car", "scenario", "model", "ATE max m", "mean", "rmse", "without sensors, at exit m"]
+    rows = [
+        [one.trim.name, course, model]
+        + [f"{own.ate[name]:.3f}" for name in ("max", "mean", "rmse")]
+        + [f"{run.error[run.at_exit]:.3f}"]
+        for one in experiments
+        for course, found in one.open_loop.items()
+        for model, own in found.estimates.items()
+        for run in [one.closed_loop[course][model]]
+    ]
     show_table(header, rows)
 
 

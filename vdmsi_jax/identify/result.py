@@ -13,6 +13,9 @@ from vdmsi_jax.models.transfer_function import TransferFunction
 
 Floats = NDArray[np.float64]
 
+LOW_FIT = 60.0
+"""FIT, percent, below which the paper leaves a model out of its figures."""
+
 
 @dataclass(frozen=True)
 class Fit:

@@ -8,11 +8,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.patheffects import withStroke
 
-from ..identify.result import Fit, OrderGrid
+from ..identify.result import LOW_FIT, Fit, OrderGrid
 from .style import INK, MUTED, WIDTH, squared_unit, styled, unit_label
-
-LOW_FIT = 60.0
-"""FIT, percent, below which the paper leaves a model out; here such a cell is marked."""
 
 
 @styled

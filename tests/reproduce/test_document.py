@@ -1,0 +1,98 @@
+"""What the experiments leave: results.json, figures, the report, the command."""
+
+import json
+import xml.etree.ElementTree as ElementTree
+
+import pytest
+
+from vdmsi_jax.cli import main
+from vdmsi_jax.files import write_json
+from vdmsi_jax.report.page import render
+from vdmsi_jax.report.reproduction import embedded, figure_file, figures, reproduction_page
+from vdmsi_jax.reproduce import SHIPPED
+from vdmsi_jax.reproduce.document import results_document
+from vdmsi_jax.reproduce.logs import looks
+
+
+@pytest.fixture(scope="module")
+def document(one, tmp_path_factory):
+    path = tmp_path_factory.mktemp("out") / "results.json"
+    write_json(path, results_document([one], source="a test"))
+    return json.loads(path.read_text())
+
+
+def test_results_hold_every_table_and_cell(one, document):
+    car = document["cars"]["worn"]
+    assert document["schema"] == "vdmsi.reproduce/1"
+    assert car["causes"]["steering_play"] == {"value": 0.05, "unit": "rad"}
+    for name, plant in car["identification"]["plants"].items():
+        grid = one.identification.grids[name]
+        assert set(plant["figure"]) == set(grid.fits)
+        for order, cell in plant["figure"].items():
+            assert cell.get("empty") or cell["low"] == (grid[order].fit < 60.0)
+        table = car["table_2"][name]["chosen"]
+        assert table["order"] == grid.chosen
+        for own in table["parameters"].values():
+            assert own["low"] <= own["value"] <= own["high"]
+    for course, found in one.open_loop.items():
+        rows = car["table_3"][course]
+        before, after = rows["vdm"]["mean"], rows["vdm_si"]["mean"]
+        assert after == found.estimates["VDM-SI"].ate["mean"]
+        improved = rows["improved"]["vdm_si_over_vdm"]["mean"]
+        assert improved == pytest.approx(100.0 * (1.0 - after / before))
+        runs = car["figure_7"][course]
+        assert len(runs["vdm"]["t"]) == len(runs["vdm"]["error"])
+        assert runs["vdm"]["error_at_exit"] in runs["vdm"]["error"]
+        assert set(car["vdm_rules"][course]["step"]) >= {"velocity", "limited_difference"}
+
+
+def test_every_figure_is_a_vector_drawing_with_a_caption_and_labelled_axes(one):
+    drawn = figures(one)
+    assert {"figure_3", "figure_4", "figure_5", "figure_6", "figure_7"} <= set(drawn)
+    for name, drawing in drawn.items():
+        tree = ElementTree.fromstring(drawing.svg)
+        assert tree.tag.endswith("svg") and drawing.caption
+        assert figure_file("worn", name) == f"worn_{name}.svg"
+
+
+def test_the_report_holds_every_figure_and_picture_and_needs_nothing_else(one):
+    drawn = figures(one)
+    pictures = looks(SHIPPED)
+    assert set(pictures) == {"bend", "s_curve"}
+    page = render(reproduction_page([one], {"worn": drawn}, pictures, source="From a test."))
+    assert page.count("<figure>") == len(drawn) + len(pictures)
+    assert (
+        "Table 3" in page
+        and "Table 2" in page
+        and "http://" not in page.replace("http://www.w3.org", "")
+    )
+
+
+def test_a_picture_keeps_its_size():
+    svg = embedded(looks(SHIPPED)["bend"])
+    assert 'viewBox="0 0 1336 300"' in svg
+
+
+def test_logs_and_engine_exclude_each_other(tmp_path, capsys):
+    with pytest.raises(SystemExit) as left:
+        main(["reproduce", "--engine", "--logs", str(tmp_path), "--out", str(tmp_path)])
+    assert left.value.code == 2
+    assert "--logs" in capsys.readouterr().err
+
+
+@pytest.mark.slow  # identifies and diagnoses two cars
+def test_the_command_makes_everything_from_the_shipped_logs(tmp_path):
+    main(["reproduce", "--out", str(tmp_path)])
+    document = json.loads((tmp_path / "results.json").read_text())
+    assert set(document["cars"]) == {"sound", "worn"}
+    for car in document["cars"].values():
+        for rows in car["table_3"].values():
+            assert all(value >= 70.0 for value in rows["improved"]["vdm_si_over_vdm"].values())
+        for runs in car["figure_7"].values():
+            assert runs["improved_at_exit"]["vdm_si_over_vdm"] > 50.0
+    worn = document["cars"]["worn"]["diagnosis"]["findings"]
+    assert [finding["cause"] for finding in worn] == ["backlash"]
+    gap = worn[0]["parameters"]["gap"]
+    assert gap["value"] == pytest.approx(0.05, rel=0.1)
+    assert (tmp_path / "report.html").is_file()
+    assert len(list((tmp_path / "figures").glob("*.svg"))) == 18
