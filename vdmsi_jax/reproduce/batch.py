@@ -88,9 +88,13 @@ def significant(fit: Fitted, may_go: Bool[Array, " p"], times: float) -> Bool[Ar
 
 
 def in_batches(one: Callable, batch_size: int) -> Callable:
-    """`one` over leading axes, so many lanes at once, compiled."""
+    """`one` over leading axes, about so many lanes at once, compiled. Batches are of one size where
+    that can be, since a rest would be a program of its own."""
 
     def batched(*args: Any, **named: Any) -> Any:
-        return lax.map(lambda lane: one(*lane[0], **lane[1]), (args, named), batch_size=batch_size)
+        count = jax.tree.leaves((args, named))[0].shape[0]
+        even = max(size for size in range(1, batch_size + 1) if count % size == 0)
+        size = even if 2 * even >= min(batch_size, count) else batch_size
+        return lax.map(lambda lane: one(*lane[0], **lane[1]), (args, named), batch_size=size)
 
     return eqx.filter_jit(batched)
