@@ -82,7 +82,7 @@ class Online:
         return self.online_error / self.offline_error
 
 
-def online(seeds: int = 24) -> Online:
+def online(seeds: int = 20) -> Online:
     """Follow the powertrain through steps, with noise, and through a change of its gain."""
     rows, after = round(STATIONARY / PAPER_DT), round(RECOVERY / PAPER_DT)
     u = _steps(seeds, STATIONARY + RECOVERY)[:, : rows + after]
@@ -136,7 +136,7 @@ class Imu:
     speed: float
 
 
-def imu(seeds: int = 24) -> Imu:
+def imu(seeds: int = 12) -> Imu:
     """Identify the paper's powertrain, without its fast zeros, by an IMU, by the derivative of the
     measured speed (parabolas of five samples), and by the speed itself."""
     u = _steps(seeds, 30.0)
@@ -156,7 +156,7 @@ def imu(seeds: int = 24) -> Imu:
             return plant(theta[:3], derivatives).simulate(u, PAPER_DT).y + theta[3] - y
 
         lower = jnp.array([0.1, 1.0, 0.05, -jnp.inf])
-        found = least_squares(residual, start, sizes, lower, free).parameters[:3]
+        found = least_squares(residual, start, sizes, lower, free, steps=12).parameters[:3]
         return jnp.linalg.norm(found / truth - 1.0)
 
     def measured(u: Array, derivatives: int) -> Array:

@@ -36,9 +36,9 @@ EXCITATIONS: Mapping[str, tuple[float, ...]] = {
 
 _START = 0.05  # rad/s of the slow pole
 _INTEGRATES = 0.3  # of its state, what an integrator may lose over the record
-_SEEDS = 12
+_SEEDS = 8
 _LEAST = 1e-6  # rad/s: a pole within it lies on the bound of stability
-_BATCH = 12
+_BATCH = 8
 
 
 @dataclass(frozen=True)
@@ -241,7 +241,7 @@ def _fit_one(u: Array, y: Array) -> tuple[Array, Array, Array]:
         start, sizes = jnp.array([15.0, 0.0, 15.0, 0.0]), jnp.array([5.0, 0.1, 5.0, 0.02])
         lower = jnp.array([1.0, -jnp.inf, -jnp.inf, -jnp.inf])
         free = jnp.ones(4, bool).at[3].set(offset)
-        found = least_squares(lambda x: small(x) - y, start, sizes, lower, free, steps=15)
+        found = least_squares(lambda x: small(x) - y, start, sizes, lower, free, steps=8)
         return fit_percent(y, small(found.parameters))
 
     def p2z2(found: Fitted, settles: Array) -> tuple[Fitted, None]:
@@ -252,7 +252,7 @@ def _fit_one(u: Array, y: Array) -> tuple[Array, Array, Array]:
         sizes = jnp.array([5.0, 0.02, 0.1, 5.0, 0.2])
         lower = jnp.array([1.0, 0.0, -jnp.inf, -jnp.inf, -jnp.inf])
         free = jnp.ones(5, bool).at[1].set(~held)
-        fit = least_squares(lambda x: paper(x) - y, start, sizes, lower, free, steps=20)
+        fit = least_squares(lambda x: paper(x) - y, start, sizes, lower, free, steps=12)
         better = fit.cost < found.cost
         return Fitted(*(jnp.where(better, a, b) for a, b in zip(fit, found, strict=True))), None
 
