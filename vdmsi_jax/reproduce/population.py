@@ -84,7 +84,7 @@ class Experiment:
 
     ate: Mapping[str, Mapping[str, Float[np.ndarray, " K"]]]
     at_exit: Mapping[str, Float[np.ndarray, " K"]]
-    budget: Mapping[str, Float[np.ndarray, " K"]]
+    budget: Mapping[str, Float[np.ndarray, " B"]]
 
 
 @dataclass(frozen=True)
