@@ -25,7 +25,7 @@ LAYERS = (
     {"metrics", "scenarios", "control"},
     {"simulate", "sensitivity", "testbed"},
     {"identify"},
-    {"bands", "compare", "correlation", "sweep", "diagnose"},
+    {"bands", "compare", "correlation", "sweep", "diagnose", "fusion"},
     {"reproduce"},
     {"plots"},
     {"report", "terminal"},

@@ -26,7 +26,17 @@ if TYPE_CHECKING:
     from .diagnose import Finding as Finding
     from .diagnose import diagnose as diagnose
     from .errors import InputError as InputError
+    from .fusion import Fused as Fused
+    from .fusion import GaussMarkov as GaussMarkov
+    from .fusion import ModelError as ModelError
+    from .fusion import PoseSensor as PoseSensor
+    from .fusion import fuse as fuse
+    from .identify.acceleration import SpeedResponse as SpeedResponse
+    from .identify.acceleration import speed_response as speed_response
     from .identify.identify import identify as identify
+    from .identify.online import Forgetting as Forgetting
+    from .identify.online import Tracking as Tracking
+    from .identify.online import identify_online as identify_online
     from .identify.result import Fit as Fit
     from .identify.result import OrderGrid as OrderGrid
     from .identify.vehicle import identify_vehicle as identify_vehicle
@@ -58,7 +68,10 @@ _HOMES = {
     "data.segment": ("Segment",),
     "diagnose": ("Diagnosis", "Finding", "diagnose"),
     "errors": ("InputError",),
+    "fusion": ("Fused", "GaussMarkov", "ModelError", "PoseSensor", "fuse"),
+    "identify.acceleration": ("SpeedResponse", "speed_response"),
     "identify.identify": ("identify",),
+    "identify.online": ("Forgetting", "Tracking", "identify_online"),
     "identify.result": ("Fit", "OrderGrid"),
     "identify.vehicle": ("identify_vehicle",),
     "metrics": ("ate", "fit", "mse"),

@@ -8,7 +8,8 @@ import numpy as np
 
 from ..data.record import Record
 from ..errors import InputError
-from ..identify.result import OrderGrid
+from ..identify.acceleration import measures_acceleration, speed_response
+from ..identify.result import Fit, OrderGrid
 from ..metrics import (
     Alignment,
     ate,
@@ -65,18 +66,25 @@ def compare(record: Record, model: Model, *, window: float = 20.0) -> Comparison
 
 
 def identified(grids: Mapping[str, OrderGrid], orders: Mapping[str, str] | None = None) -> Model:
-    """The models of an identification, ready to be simulated or saved.
+    """The models of an identification, ready to be simulated or saved. A powertrain that was
+    identified by its acceleration becomes the one whose speed makes it.
 
     Args:
         grids: by the plants' names.
         orders: for some plants, another order than the chosen one, such as `{"steering": "P1Z0"}`.
     """
     fits = {name: grid[(orders or {}).get(name, grid.chosen)] for name, grid in grids.items()}
-    plants = {
-        name: Plant(fit.plant, fit.model) for name, fit in fits.items() if fit.model is not None
-    }
+    plants = {name: _plant(fit) for name, fit in fits.items() if fit.model is not None}
     vehicles = [grid.record.vehicle for grid in grids.values()]
     return Model(plants, vehicles[0] if vehicles else None)
+
+
+def _plant(fit: Fit) -> Plant:
+    """What is simulated: of an identified acceleration, the speed that makes it."""
+    assert fit.model is not None
+    if measures_acceleration(fit.plant):
+        return Plant(replace(fit.plant, output="v"), speed_response(fit).model)
+    return Plant(fit.plant, fit.model)
 
 
 def _score(

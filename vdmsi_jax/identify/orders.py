@@ -13,6 +13,7 @@ from vdmsi_jax import metrics
 from vdmsi_jax.config import IdentifyOptions, PlantSpec
 from vdmsi_jax.data.record import Record
 from vdmsi_jax.errors import InputError
+from vdmsi_jax.identify.acceleration import measures_acceleration, speed_of
 from vdmsi_jax.identify.first_order import first_look
 from vdmsi_jax.identify.layout import Samples, Scale, lay_out
 from vdmsi_jax.identify.response import N_LINEAR, N_MAX
@@ -111,7 +112,10 @@ def _scale(
         if counts[piece[0]]
     ]
     u, y = record[plant.input], record[plant.output]
-    look = first_look([u[i] for i in pieces], [y[i] for i in pieces], longest_delay)
+    answers = [y[i] for i in pieces]
+    if measures_acceleration(plant):
+        answers = [speed_of(a) for a in answers]
+    look = first_look([u[i] for i in pieces], answers, longest_delay)
     scale = Scale(
         float(np.std(u)) or 1.0,
         (float(np.std(y[counts])) or 1.0) * math.sqrt(counts.sum()),
