@@ -12,6 +12,7 @@ from .colour import autoregression, filter_length, whiten
 
 _STEP = 1e-3
 _STEPS = 3  # of Gauss-Newton at one colour
+_BLOCK = 5.0  # s, over which errors count as independent
 _SETTLED = 0.05  # gain of twice the log-likelihood by a step after which a lane rests
 
 
@@ -61,9 +62,10 @@ def fit_body(
 
 
 def refit_body(
-    body: Body, starts: Sequence[tuple[tuple[int, ...], np.ndarray]], rounds: int = 2
+    body: Body, starts: Sequence[tuple[tuple[int, ...], np.ndarray]], rounds: int = 1
 ) -> list[BodyFit]:
-    """Fit hypotheses from their starts, each with its own colours."""
+    """Fit hypotheses from their starts, each with its own colours, which are estimated anew
+    `rounds` times on the way."""
     if not starts:
         return []
     lanes = [Lane(body, active, theta) for active, theta in starts]
@@ -78,6 +80,16 @@ def refit_body(
     for lane in lanes:
         lane.recolour()
     return [lane.finish() for lane in lanes]
+
+
+def polished(body: Body, fit: BodyFit) -> BodyFit:
+    """A fit, gone on with under its own colours."""
+    lane = Lane.of(body, fit)
+    moving = [lane]
+    for _ in range(_STEPS):
+        moving = _step(body, moving)
+    lane.recolour()
+    return lane.finish()
 
 
 def _answers(body: Body, thetas: Sequence[np.ndarray]) -> list[dict[str, np.ndarray]]:
@@ -141,8 +153,9 @@ class Lane:
         for c, X in self.body.chain.columns(e).items():
             mask = self.body.mask[c]
             order = filter_length(self.body.dt, int(mask.sum()))
-            colour = self.colour.get(c, np.zeros(order))
-            for _ in range(2):
+            new = c not in self.colour
+            colour = np.zeros(order) if new else self.colour[c]
+            for _ in range(2 if new else 1):
                 w = whiten(np.concatenate([e[c][None], X])[None], colour[None])[0][:, mask]
                 self.shares[c] = regress(w[1:], w[0])
                 left = e[c] - np.tensordot(self.shares[c], X, 1)
@@ -160,13 +173,14 @@ class Lane:
         moving, total = self.body.chain.moving(e), 0.0
         for c in e:
             rows = np.concatenate([e[c][None], moving[c]]) if c in moving else e[c][None]
-            w = self._white(c, rows)
+            w = self.white(c, rows)
             X = np.concatenate([w[1:], self._still[c]])
             rest = w[0] - regress(X, w[0]) @ X
             total += float(rest @ rest) / self.variance[c]
         return total
 
-    def _white(self, channel: str, rows: np.ndarray) -> np.ndarray:
+    def white(self, channel: str, rows: np.ndarray) -> np.ndarray:
+        """Rows of a channel after its whitening filter, where they count."""
         return whiten(rows[None], self.colour[channel][None])[0][:, self.body.mask[channel]]
 
     def passed(self, moved: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -191,7 +205,7 @@ class Lane:
             where = [*range(k), *range(at, at + len(X[c]))]
             stacks[c] = (rows, where)
             moving = len(X[c]) - len(self._still[c])
-            w = np.concatenate([self._white(c, rows[: 1 + k + moving]), self._still[c]])
+            w = np.concatenate([self.white(c, rows[: 1 + k + moving]), self._still[c]])
             gram = w @ w.T / self.variance[c]
             normal[np.ix_(where, where)] += gram[1:, 1:]
             slope[where] += gram[1:, 0]
@@ -215,6 +229,32 @@ class Lane:
             self.active, self.theta, sum(logliks.values()), logliks, self.y, self.left(),
             self.colour, self.variance, self.free, covariance,
         )  # fmt: skip
+
+
+def robust(body: Body, fit: BodyFit) -> BodyFit:
+    """A fit whose covariance is widened where blocks of the data disagree by more than noise
+    allows, as `outcome` does it for actuators."""
+    lane = Lane.of(body, fit)
+    low, high = bounds(body)
+    inner = [k for k, i in enumerate(fit.free) if low[i] < fit.theta[i] < high[i]]
+    own = slopes(body, [lane], [[fit.free[k] for k in inner]])[0]
+    left, pulls = lane.left(), []
+    for c, rest in left.items():
+        w = lane.white(c, np.concatenate([rest[None], *(s[c][None] for s in own)]))
+        X = lane.white(c, body.chain.columns(lane.raw(lane.y))[c])
+        clean = w[1:] - np.stack([regress(X, row) for row in w[1:]]) @ X
+        blocks = max(1, int(w.shape[1] * body.dt / _BLOCK))
+        label = np.arange(w.shape[1]) * blocks // w.shape[1]
+        rows = clean * w[0] / lane.variance[c]
+        pulls.append(np.stack([np.bincount(label, row) for row in rows]))
+    sums = np.concatenate(pulls, axis=1)
+    if sums.shape[1] < 3 * len(inner):
+        return fit
+    covariance = fit.covariance[np.ix_(inner, inner)]
+    spread = np.diag(covariance @ (sums @ sums.T) @ covariance)
+    wider = np.ones(len(fit.free))
+    wider[inner] = np.sqrt(np.maximum(spread / np.maximum(np.diag(covariance), 1e-300), 1.0))
+    return replace(fit, covariance=fit.covariance * np.outer(wider, wider))
 
 
 def slopes(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .body import CAUSES, Body
-from .body_fit import BodyFit, Lane, bounds, fit_body, refit_body, slopes
+from .body_fit import BodyFit, Lane, bounds, fit_body, polished, refit_body, robust, slopes
 from .colour import autoregression, whiten
 from .search import CAUSE_COST, MARGIN, PARAMETER_COST
 
@@ -52,14 +52,14 @@ def price(active: Sequence[int]) -> float:
 
 def search_body(body: Body) -> BodySearch:
     """Find the causes that the body's channels support, as the actuators' search does."""
-    plain = now = fit_body(body, [()])[0]
+    plain = now = polished(body, fit_body(body, [()])[0])
     for _ in range(_SWAPS):
         now = _eliminated(body, _extended(body, now))
         findings, other = _findings(body, now)
         if other is None or score(other) < score(now) + _SWAPPED:
             break
-        now = other
-    return BodySearch(body, plain, now, findings)
+        now = polished(body, other)
+    return BodySearch(body, plain, robust(body, now), findings)
 
 
 def score(fit: BodyFit) -> float:
@@ -75,7 +75,7 @@ def _extended(body: Body, now: BodyFit) -> BodyFit:
         best = max(fits, key=score, default=now)
         if score(best) <= score(now):
             break
-        now = best
+        now = polished(body, best)
     return now
 
 

@@ -22,8 +22,8 @@ _SETTLED = 0.05  # gain of twice the log-likelihood by a step after which a lane
 _HELPS = 2.0  # gain above which steps make slopes old, and old ones still help
 _FEW = 8  # lanes, for which differences cost next to nothing
 _DAMPINGS = (0.1, 3.0, 100.0)
-_BEYOND = 8  # reaches of the whitening filter, over which residuals count as one sample
-_FREE_STATE = 0.3  # prior standard deviation of a state at the start, of the response's range
+BEYOND = 8  # reaches of the whitening filter, over which residuals count as one sample
+FREE_STATE = 0.3  # prior standard deviation of a state at the start, of the response's range
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,7 @@ class Refit:
 
 
 @dataclass
-class _Lane:
+class Lane:
     """A hypothesis on its way. White is what has passed the whitening filter, zero where it does
     not count."""
 
@@ -127,13 +127,13 @@ def refit(
     counted = usable(stage)
     start = bounded(stage, stage.simulate(np.stack([h.theta for h in hypotheses])))
     lanes = [
-        _Lane(h, h.free(stage), y, _states(stage, h), np.zeros(order))
+        Lane(h, h.free(stage), y, _states(stage, h), np.zeros(order))
         for h, y in zip(hypotheses, start, strict=True)
     ]
     _recolour(stage, lanes, counted)
     for k in range(rounds):
         for lane in lanes:
-            lane.cost = float(_project(stage, lane, counted, lane.white_error[None])[0, 0])
+            lane.cost = float(project(stage, lane, counted, lane.white_error[None])[0, 0])
             lane.settled = False
         for _ in range(steps):
             moving = [lane for lane in lanes if not lane.settled]
@@ -185,22 +185,22 @@ def bounded(stage: Stage, y: np.ndarray) -> np.ndarray:
     return np.clip(np.nan_to_num(y, nan=huge, posinf=huge, neginf=-huge), -huge, huge)
 
 
-def _residual(stage: Stage, y: np.ndarray) -> np.ndarray:
+def residual(stage: Stage, y: np.ndarray) -> np.ndarray:
     return np.where(stage.mask, stage.y - y, 0.0)
 
 
-def _white(x: np.ndarray, lane: _Lane, counted: np.ndarray) -> np.ndarray:
+def whitened(x: np.ndarray, lane: Lane, counted: np.ndarray) -> np.ndarray:
     return whiten(x[None], lane.colour[None])[0] * counted
 
 
-def _prior(stage: Stage, lane: _Lane, counted: np.ndarray) -> float:
+def _prior(stage: Stage, lane: Lane, counted: np.ndarray) -> float:
     """What holds the free states, in units of the innovations."""
     variance = max(float(np.sum(lane.white_error**2)) / counted.sum(), 1e-300)
-    return variance / (_FREE_STATE * stage.scales.response) ** 2
+    return variance / (FREE_STATE * stage.scales.response) ** 2
 
 
-def _project(
-    stage: Stage, lane: _Lane, counted: np.ndarray, rows: Float[np.ndarray, "q R N"]
+def project(
+    stage: Stage, lane: Lane, counted: np.ndarray, rows: Float[np.ndarray, "q R N"]
 ) -> Float[np.ndarray, "q q"]:
     """Products of white rows, what the best free states of each run explain taken out."""
     prior = _prior(stage, lane, counted) * np.eye(len(lane.white_states))
@@ -235,7 +235,7 @@ def sensitivities(
     ]
 
 
-def _advance(stage: Stage, lanes: list[_Lane], counted: np.ndarray) -> None:
+def _advance(stage: Stage, lanes: list[Lane], counted: np.ndarray) -> None:
     """One step of Levenberg-Marquardt of every lane: differences where the old ones no longer
     serve, then three dampings tried."""
     low, high = stage.bounds
@@ -251,7 +251,7 @@ def _advance(stage: Stage, lanes: list[_Lane], counted: np.ndarray) -> None:
     for lane in lanes:
         assert lane.white_slopes is not None
         rows = np.concatenate([lane.white_error[None], lane.white_slopes])
-        gram = _project(stage, lane, counted, rows)
+        gram = project(stage, lane, counted, rows)
         normal, slope = gram[1:, 1:], gram[1:, 0]
         scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
         scales.append(scale)
@@ -266,9 +266,9 @@ def _advance(stage: Stage, lanes: list[_Lane], counted: np.ndarray) -> None:
     answers = bounded(stage, stage.simulate(np.stack(trials)))
     answers = answers.reshape(len(lanes), tried, *stage.y.shape)
     colours = np.stack([lane.colour for lane in lanes])
-    errors = whiten(_residual(stage, answers), colours) * counted
+    errors = whiten(residual(stage, answers), colours) * counted
     for i, lane in enumerate(lanes):
-        costs = np.diag(_project(stage, lane, counted, errors[i]))
+        costs = np.diag(project(stage, lane, counted, errors[i]))
         best = int(np.argmin(np.where(np.isfinite(costs), costs, np.inf)))
         serves = lane.drift < _HELPS
         if costs[best] < lane.cost:
@@ -287,17 +287,17 @@ def _advance(stage: Stage, lanes: list[_Lane], counted: np.ndarray) -> None:
             lane.slopes = None
 
 
-def _differ(stage: Stage, lanes: list[_Lane], counted: np.ndarray) -> None:
+def _differ(stage: Stage, lanes: list[Lane], counted: np.ndarray) -> None:
     """Take the slopes of lanes anew."""
     slopes = sensitivities(stage, [lane.hypothesis for lane in lanes], [lane.y for lane in lanes])
     for lane, J in zip(lanes, slopes, strict=True):
         lane.slopes, lane.drift = np.where(stage.mask, J, 0.0), 0.0
-        lane.white_slopes = _white(lane.slopes, lane, counted)
+        lane.white_slopes = whitened(lane.slopes, lane, counted)
 
 
 def _move(
     stage: Stage,
-    lane: _Lane,
+    lane: Lane,
     scale: np.ndarray,
     theta: np.ndarray,
     y: np.ndarray,
@@ -318,26 +318,26 @@ def _move(
     lane.white_states = whiten(lane.states.T[None], lane.colour[None])[0]
 
 
-def _recolour(stage: Stage, lanes: list[_Lane], counted: np.ndarray) -> None:
+def _recolour(stage: Stage, lanes: list[Lane], counted: np.ndarray) -> None:
     """Estimate the colour of every lane's residual, free states taken out."""
     for lane in lanes:
-        _repaint(stage, lane, counted)
-    left = np.stack([_residual(stage, _with_states(stage, lane, counted)) for lane in lanes])
+        repaint(stage, lane, counted)
+    left = np.stack([residual(stage, with_states(stage, lane, counted)) for lane in lanes])
     colours = autoregression(left, stage.mask, lanes[0].colour.size)
     for lane, colour in zip(lanes, colours, strict=True):
         lane.colour = colour
-        _repaint(stage, lane, counted)
+        repaint(stage, lane, counted)
 
 
-def _repaint(stage: Stage, lane: _Lane, counted: np.ndarray) -> None:
+def repaint(stage: Stage, lane: Lane, counted: np.ndarray) -> None:
     """Whiten all of a lane by its colour."""
     lane.white_states = whiten(lane.states.T[None], lane.colour[None])[0]
-    lane.white_error = _white(_residual(stage, lane.y), lane, counted)
+    lane.white_error = whitened(residual(stage, lane.y), lane, counted)
     if lane.slopes is not None:
-        lane.white_slopes = _white(lane.slopes, lane, counted)
+        lane.white_slopes = whitened(lane.slopes, lane, counted)
 
 
-def _with_states(stage: Stage, lane: _Lane, counted: np.ndarray) -> Float[np.ndarray, "R N"]:
+def with_states(stage: Stage, lane: Lane, counted: np.ndarray) -> Float[np.ndarray, "R N"]:
     """A lane's response with the free response of the states at the starts that fit best."""
     prior = _prior(stage, lane, counted) * np.eye(len(lane.white_states))
     y = lane.y.copy()
@@ -347,7 +347,7 @@ def _with_states(stage: Stage, lane: _Lane, counted: np.ndarray) -> Float[np.nda
     return y
 
 
-def _inverse(normal: np.ndarray) -> np.ndarray:
+def inverse(normal: np.ndarray) -> np.ndarray:
     """Inverse of the normal equations; a parameter without effect gets a huge variance."""
     own = np.diag(normal)
     scale = np.sqrt(np.maximum(own, 1e-30 * max(float(own.max(initial=0.0)), 1e-100)))
@@ -355,71 +355,23 @@ def _inverse(normal: np.ndarray) -> np.ndarray:
     return np.linalg.inv(unit) / np.outer(scale, scale)
 
 
-def _finish(stage: Stage, lanes: list[_Lane], counted: np.ndarray) -> list[Refit]:
+def _finish(stage: Stage, lanes: list[Lane], counted: np.ndarray) -> list[Refit]:
     found = []
     n = int(counted.sum())
     _differ(stage, [lane for lane in lanes if lane.slopes is None], counted)
     for lane in lanes:
         assert lane.white_slopes is not None
-        y = _with_states(stage, lane, counted)
-        innovations = _white(_residual(stage, y), lane, counted)
+        y = with_states(stage, lane, counted)
+        innovations = whitened(residual(stage, y), lane, counted)
         variance = max(float(np.sum(innovations**2)) / n, 1e-300)
-        left = _residual(stage, y)
+        left = residual(stage, y)
         plain = max(float(np.sum(left**2)) / n, 1e-300)
-        slow = 0.5 * n / (_BEYOND * lane.colour.size) * float(np.log(plain))
+        slow = 0.5 * n / (BEYOND * lane.colour.size) * float(np.log(plain))
         loglik = -0.5 * n * float(np.log(variance)) - slow
-        covariance = _inverse(_project(stage, lane, counted, lane.white_slopes)) * variance
+        covariance = inverse(project(stage, lane, counted, lane.white_slopes)) * variance
         found.append(
             Refit(
                 lane.hypothesis, loglik, y, lane.y, lane.states, lane.colour, variance, covariance
             )
         )
-    return found
-
-
-def steadiness(stage: Stage, less: Refit, more: Refit) -> float:
-    """By how many standard errors, over blocks, one fit is likelier than another. What a wrong form
-    gains it gains in a moment or two, and the likelihood alone does not ask where."""
-    counted = usable(stage)
-    parts = []
-    for f in (less, more):
-        white = whiten(_residual(stage, f.y)[None], f.colour[None])[0]
-        left = _residual(stage, f.y)[counted]
-        plain = max(float(np.mean(left**2)), 1e-300)
-        slow = (np.log(plain) + left**2 / plain) / (_BEYOND * f.colour.size)
-        parts.append(-0.5 * (np.log(f.variance) + white[counted] ** 2 / f.variance + slow))
-    gained = parts[1] - parts[0]
-    blocks = int(np.clip(gained.size // (_BEYOND * less.colour.size), 4, 60))
-    sums = np.bincount(np.arange(gained.size) * blocks // gained.size, gained)
-    return float(sums.sum() / max(np.sqrt(blocks) * sums.std(ddof=1), 1e-300))
-
-
-def _begun(stage: Stage, lane: _Lane, y: np.ndarray, run: int) -> np.ndarray:
-    """The response of a run that no fit has seen, with the states at its start that fit best."""
-    use = stage.held_out[run]
-    e = whiten(np.where(use, stage.y[run] - y, 0.0)[None, None], lane.colour[None])[0, 0]
-    f = lane.white_states * use
-    prior = float(np.mean(e[use] ** 2)) / (_FREE_STATE * stage.scales.response) ** 2
-    return y + lane.states @ np.linalg.solve(f @ f.T + prior * np.eye(len(f)), f @ e)
-
-
-def completed(stage: Stage, fits: Sequence[Refit]) -> list[Refit]:
-    """Fits to the runs of a stage in which something counts, with the responses of all its runs,
-    and the covariances from differences at the optimum."""
-    thetas = np.stack([f.hypothesis.theta for f in fits])
-    counted = usable(stage)
-    used = stage.mask.any(axis=1)
-    simulated = bounded(stage, stage.simulate(thetas))
-    slopes = sensitivities(stage, [f.hypothesis for f in fits], list(simulated))
-    found = []
-    for f, y, J in zip(fits, simulated, slopes, strict=True):
-        free = f.hypothesis.free(stage)
-        lane = _Lane(f.hypothesis, free, y, f.states, f.colour)
-        _repaint(stage, lane, counted)
-        normal = _project(stage, lane, counted, _white(np.where(stage.mask, J, 0.0), lane, counted))
-        whole = y.copy()
-        whole[used] = f.y
-        for r in np.flatnonzero(~used):  # a start is no part of a model: it is told by its own run
-            whole[r] = _begun(stage, lane, y[r], int(r))
-        found.append(replace(f, y=whole, simulated=y, covariance=_inverse(normal) * f.variance))
     return found

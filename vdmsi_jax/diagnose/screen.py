@@ -16,7 +16,9 @@ from .stage import Stage
 
 _LARGEST = 3.0  # a probe may be scaled by so much when its size is estimated
 _TOGETHER = 32  # directions that are judged at once
-_RAGGED = ("quantization", "regime_change")
+RAGGED = ("quantization", "regime_change")
+"""Causes whose likelihood has many maxima."""
+
 _PEAKS = 3  # of the residual's spectrum that are tried as periodic disturbances
 
 
@@ -35,8 +37,14 @@ class Candidate:
     theta: Float[np.ndarray, " P"]
 
 
-def screen(stage: Stage, at: Refit) -> list[Candidate]:
-    """All causes that are not on yet, by what they are predicted to explain, best first."""
+def screen(stage: Stage, at: Refit, fine: bool = True) -> list[Candidate]:
+    """All causes that are not on yet, by what they are predicted to explain, best first.
+
+    Args:
+        stage: the data.
+        at: the hypothesis that is to be extended.
+        fine: try those whose likelihood is ragged on a finer grid, too.
+    """
     base = at.hypothesis.theta
     numbers, thetas = [], []
     for number in stage.allowed:
@@ -58,7 +66,7 @@ def screen(stage: Stage, at: Refit) -> list[Candidate]:
     for number, theta, gain in zip(numbers, thetas, gains, strict=True):
         if number not in best or gain > best[number].gain:
             best[number] = Candidate(number, float(gain), theta)
-    stepped = [n for n in best if stage.slots[n].cause in _RAGGED]
+    stepped = [n for n in best if fine and stage.slots[n].cause in RAGGED]
     for n in stepped:
         best[n] = _finer(stage, ground, best[n])
     return sorted(best.values(), key=lambda c: -c.gain)

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..effects import AbstractEffect
-from .refit import Hypothesis, Refit, completed, refit, steadiness
-from .screen import Candidate, screen
+from .outcome import completed, steadiness
+from .refit import Hypothesis, Refit, refit
+from .screen import RAGGED, Candidate, screen
 from .stage import LEAD, POLES, Stage
 
 ORDERS = ((1, 0), (2, 0), (2, 1), (3, 0), (3, 1), (3, 2), (4, 1), (4, 2), (4, 3))
@@ -23,6 +24,7 @@ MARGIN = 7.5
 it the truth stands in the set in 99.7 % of cases."""
 
 _REFITTED = 10  # candidates of a screen that are refitted
+_SMALLER = 2  # smaller plants that are screened
 _FROM_SMALLER = 4  # candidates of the screens of smaller plants that are refitted
 _SMALL = ((1, 0), (2, 0), (2, 1), (3, 1))
 _MOST_CAUSES = 4
@@ -114,8 +116,8 @@ def search(stage: Stage) -> Search:
             orders = [o for o in _SMALL if sum(o) < coefficients]
             starts += [h for order in orders for h in _late(stage, plain, order)]
             starts += _ringing(stage, plain)
-            for smaller in _smaller(grid, plain):
-                own = screen(stage, smaller)[:_FROM_SMALLER]
+            for smaller in _smaller(stage, grid, plain):
+                own = screen(stage, smaller, fine=False)[:_FROM_SMALLER]
                 starts += [joined(smaller.hypothesis, c) for c in own]
         most = max((c.gain for c in promising), default=0.0)
         fits = _best_of_each(refit(stage, starts, worth=worth, reach=max(_REACH, 0.5 * most)))
@@ -370,10 +372,11 @@ def joined(h: Hypothesis, candidate: Candidate) -> Hypothesis:
     return Hypothesis(h.poles, h.zeros, tuple(sorted({*h.active, candidate.number})), theta)
 
 
-def _smaller(grid: dict[tuple[int, int], Refit], plain: Refit) -> list[Refit]:
-    """The smaller plants that a cause may make enough."""
+def _smaller(stage: Stage, grid: dict[tuple[int, int], Refit], plain: Refit) -> list[Refit]:
+    """The best of the smaller plants, which a cause may make enough."""
     coefficients = sum(_order(plain.hypothesis))
-    return [f for o, f in grid.items() if sum(o) < coefficients and o in _SMALL]
+    small = [f for o, f in grid.items() if sum(o) < coefficients and o in _SMALL]
+    return sorted(small, key=lambda f: -score(stage, f))[:_SMALLER]
 
 
 def _cleared(stage: Stage, h: Hypothesis, keep: Iterable[int] = ()) -> np.ndarray:
@@ -411,7 +414,7 @@ def _findings(stage: Stage, final: Refit) -> tuple[Finding, ...]:
     for number in final.hypothesis.active:
         less = refit(stage, [_without(stage, final.hypothesis, number)])[0]
         gain = 2.0 * (final.loglik - less.loglik)
-        screened = screen(stage, less)
+        screened = screen(stage, less, fine=stage.slots[number].cause in RAGGED)
         promised = next((c.gain for c in screened if c.number == number), 0.0)
         others = [c for c in screened if c.number != number and c.gain > 0.2 * gain][:6]
         starts = [joined(less.hypothesis, c) for c in others]

@@ -34,6 +34,7 @@ MINOR = 0.02
 _SERIOUS, _MOSTLY = 0.02, 0.3  # share of structure in a residual that is spoken of, and that weighs
 _SETTLED = 0.75  # share of a channel's error from which on findings have explained it
 _COARSE = 0.1  # share of a rounding in what a model leaves, from which it is a finding
+_DAMPED = 0.24  # ratio, from which a mode is rather two poles that the plant lacks
 _DOUBTFUL = 0.05  # share of a cause that makes the path no better, below which it is minor
 
 _TWINS = {"powertrain": "v", "steering": "delta"}
@@ -108,10 +109,15 @@ class Evidence:
         return replace(told, summary=summary(told))
 
     def _negligible(self, found: Finding) -> bool:
-        """Whether a sensor is late by less than half a sample, as every body is, or a small gain in
-        one channel is none on the road."""
-        value = next(iter(found.parameters.values())).value
-        late = found.cause in ("sensor_delay", "sensor_lag") and abs(value) < 0.5 * self.runs.dt
+        """Whether it is less than a body's or a plant's own: a sensor that is late by less than
+        half a sample, tyres by less than one, a mode as damped as a mode may be; or a small gain in
+        one channel that is none on the road."""
+        value, dt = next(iter(found.parameters.values())).value, self.runs.dt
+        late = found.cause in ("sensor_delay", "sensor_lag") and abs(value) < 0.5 * dt
+        if found.cause == "tyre_relaxation":
+            late = value < dt * float(np.mean(np.abs(self.runs.channel("v"))))
+        if found.cause == "resonance":
+            late = found.parameters["damping"].value > _DAMPED
         g = found.gain
         worse = g.ate_before is not None and g.ate_after is not None and g.ate_after > g.ate_before
         return late or (worse and found.share < _DOUBTFUL)

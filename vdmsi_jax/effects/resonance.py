@@ -18,7 +18,7 @@ class Resonance(AbstractEffect):
     weight: ClassVar[float] = 2.0  # as a plant of two poles and zeros more would cost
 
     frequency: Float[Array, ""] = parameter("Hz", "of the undamped mode", off=1.0, lower=0.0)
-    damping: Float[Array, ""] = parameter("1", "damping ratio", off=0.1, lower=0.005, upper=0.4)
+    damping: Float[Array, ""] = parameter("1", "damping ratio", off=0.1, lower=0.005, upper=0.25)
     share: Float[Array, ""] = parameter("1", "weight of the mode", lower=-2.0, upper=3.0)
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:

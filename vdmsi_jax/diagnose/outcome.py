@@ -1,0 +1,106 @@
+"""What a refit is worth beside another, over all runs, and how sure its parameters are."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from .colour import whiten
+from .refit import (
+    BEYOND,
+    FREE_STATE,
+    Lane,
+    Refit,
+    bounded,
+    inverse,
+    project,
+    repaint,
+    residual,
+    sensitivities,
+    usable,
+    whitened,
+    with_states,
+)
+from .stage import Stage
+
+
+def completed(stage: Stage, fits: Sequence[Refit]) -> list[Refit]:
+    """Fits to the runs of a stage in which something counts, with the responses of all its runs,
+    and the covariances from differences at the optimum."""
+    thetas = np.stack([f.hypothesis.theta for f in fits])
+    counted = usable(stage)
+    used = stage.mask.any(axis=1)
+    simulated = bounded(stage, stage.simulate(thetas))
+    slopes = sensitivities(stage, [f.hypothesis for f in fits], list(simulated))
+    found = []
+    for f, y, J in zip(fits, simulated, slopes, strict=True):
+        free = f.hypothesis.free(stage)
+        lane = Lane(f.hypothesis, free, y, f.states, f.colour)
+        repaint(stage, lane, counted)
+        white = whitened(np.where(stage.mask, J, 0.0), lane, counted)
+        covariance = inverse(project(stage, lane, counted, white)) * f.variance
+        whole = y.copy()
+        whole[used] = f.y
+        for r in np.flatnonzero(~used):  # a start is no part of a model: it is told by its own run
+            whole[r] = _begun(stage, lane, y[r], int(r))
+        found.append(
+            replace(
+                f, y=whole, simulated=y, covariance=_robust(stage, lane, counted, white, covariance)
+            )
+        )
+    return found
+
+
+def _robust(
+    stage: Stage,
+    lane: Lane,
+    counted: np.ndarray,
+    slopes: Float[np.ndarray, "p R N"],
+    covariance: Float[np.ndarray, "p p"],
+) -> Float[np.ndarray, "p p"]:
+    """A covariance widened where blocks of the data disagree by more than their noise allows, as
+    they do where the form is not quite right.
+
+    Source: White, Maximum likelihood estimation of misspecified models (1982), by blocks.
+    """
+    left = residual(stage, with_states(stage, lane, counted))
+    white = whitened(left, lane, counted)
+    pulls = (slopes * white)[:, counted]
+    blocks = int(np.clip(counted.sum() // (BEYOND * lane.colour.size), 1, 200))
+    if blocks < 3 * len(slopes):
+        return covariance
+    label = np.arange(pulls.shape[1]) * blocks // pulls.shape[1]
+    sums = np.stack([np.bincount(label, row) for row in pulls])
+    variance = max(float(np.sum(white**2)) / counted.sum(), 1e-300)
+    spread = covariance @ (sums @ sums.T) @ covariance / variance**2
+    spread *= blocks / (blocks - len(slopes))
+    ratio = np.diag(spread) / np.maximum(np.diag(covariance), 1e-300)
+    wider = np.sqrt(np.maximum(ratio, 1.0))
+    return covariance * np.outer(wider, wider)
+
+
+def _begun(stage: Stage, lane: Lane, y: np.ndarray, run: int) -> np.ndarray:
+    """The response of a run that no fit has seen, with the states at its start that fit best."""
+    use = stage.held_out[run]
+    e = whiten(np.where(use, stage.y[run] - y, 0.0)[None, None], lane.colour[None])[0, 0]
+    f = lane.white_states * use
+    prior = float(np.mean(e[use] ** 2)) / (FREE_STATE * stage.scales.response) ** 2
+    return y + lane.states @ np.linalg.solve(f @ f.T + prior * np.eye(len(f)), f @ e)
+
+
+def steadiness(stage: Stage, less: Refit, more: Refit) -> float:
+    """By how many standard errors, over blocks, one fit is likelier than another. What a wrong form
+    gains it gains in a moment or two, and the likelihood alone does not ask where."""
+    counted = usable(stage)
+    parts = []
+    for f in (less, more):
+        white = whiten(residual(stage, f.y)[None], f.colour[None])[0]
+        left = residual(stage, f.y)[counted]
+        plain = max(float(np.mean(left**2)), 1e-300)
+        slow = (np.log(plain) + left**2 / plain) / (BEYOND * f.colour.size)
+        parts.append(-0.5 * (np.log(f.variance) + white[counted] ** 2 / f.variance + slow))
+    gained = parts[1] - parts[0]
+    blocks = int(np.clip(gained.size // (BEYOND * less.colour.size), 4, 60))
+    sums = np.bincount(np.arange(gained.size) * blocks // gained.size, gained)
+    return float(sums.sum() / max(np.sqrt(blocks) * sums.std(ddof=1), 1e-300))
