@@ -30,7 +30,10 @@ WITHIN = 0.03
 
 DRIVES = [plain.drive(ROWS, DT, seed) for seed in (1, 2)]
 LENGTH = max(d.distance[-1] for d in DRIVES)
-SLOPES = (0.0, 0.05, 0.08, 0.02, -0.04, -0.07, 0.03, 0.06)
+SLOPES = (
+    *(0.0, 0.02, 0.05, 0.08, 0.06, 0.02, -0.03, -0.04),
+    *(-0.07, -0.05, 0.0, 0.03, 0.06, 0.04, 0.01, -0.02),
+)
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,9 @@ CASES = {
     "CrossCoupling square": coupling(6.1, lambda u, d: d.other**2),
     "CrossCoupling slowed": coupling(-0.62, lambda u, d: np.abs(d.other) * u),
     "CrossCoupling speed": coupling(-0.09, lambda u, d: d.v),
+    "CrossCoupling acceleration": Case(  # the effect averages over 0.2 s to both sides
+        plain.coupled(0.31, lambda u, d: np.gradient(d.v, d.dt)), (0.31,), within=(0.06,)
+    ),
     "GainAsymmetry command": Case(plain.two_gains(0.27), (0.27,)),
     "GainDrift": Case(plain.drift(0.011), (0.011,)),
     "RegimeChange": Case(plain.new_gain(9.83, -0.23), (9.83, -0.23)),
@@ -77,7 +83,7 @@ CASES = {
     "TransportDelay": Case(plain.delay(0.087), (0.087,), second_order=True),
     "RateLimit command": Case(plain.ramp(9.0, 7.0), (1 / 9.0, 1 / 7.0)),
     "Resonance": Case(plain.mode(2.3, 0.07, 0.33), (2.3, 0.07, 0.33)),
-    "RoadGrade": Case(plain.hills(SLOPES, LENGTH, TAU), SLOPES),
+    "RoadGrade": Case(plain.hills(SLOPES, LENGTH, TAU), SLOPES, within=(0.05,) * len(SLOPES)),
     "GainAsymmetry effort": Case(plain.weak_push(-0.31), (-0.31,)),
     # forward only: below 5 cm/s rolling resistance fades out instead of holding
     "Drag": Case(plain.resistance(0.13, 2.1, TAU), (0.13, 2.1), lift=6.0),

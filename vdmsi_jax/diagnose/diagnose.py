@@ -1,6 +1,7 @@
 """The verb: from logs to the causes, the extended model, and the gain on data held out."""
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import jax
@@ -13,7 +14,7 @@ from ..errors import InputError
 from .body_search import search_body
 from .prepare import Runs, body_of, lay_out, slower, stage_of
 from .result import Diagnosis
-from .search import search
+from .search import Search, search
 from .verdict import Evidence
 
 
@@ -49,13 +50,20 @@ def _diagnose(
     several = [slower(record) for record in _alike(several, vehicle)]
     say = told or (lambda _: None)
     runs = lay_out(several)
-    searches, unseen = {}, []
-    for spec in _plants(several):
-        say(f"looking into the {spec.name}")
+    plants = _plants(several)
+    say(f"looking into the {' and the '.join(spec.name for spec in plants)}")
+
+    def look(spec: PlantSpec) -> Search | str:
         try:
-            searches[spec] = search(_stage(runs, several, spec))
+            with jax.enable_x64(True):  # the setting is a thread's own
+                return search(_stage(runs, several, spec))
         except InputError as why:
-            unseen.append(f"The {spec.name} was not looked at: {why}")
+            return f"The {spec.name} was not looked at: {why}"
+
+    with ThreadPoolExecutor(2) as pool:  # one whitens while the other simulates
+        looked = dict(zip(plants, pool.map(look, plants), strict=True))
+    searches = {spec: found for spec, found in looked.items() if isinstance(found, Search)}
+    unseen = [why for why in looked.values() if isinstance(why, str)]
     by_channel = {spec.output: found for spec, found in searches.items()}
     say("looking into the body, the road and the sensors")
     body = body_of(runs, by_channel)

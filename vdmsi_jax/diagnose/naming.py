@@ -26,6 +26,7 @@ _FORMS = {
     ("by", "square"): "by the square of the other command",
     ("by", "slowed"): "in proportion to both commands",
     ("by", "speed"): "by the speed",
+    ("by", "acceleration"): "by the acceleration",
 }
 
 
@@ -72,17 +73,20 @@ def of_stage(search: Search, units: tuple[str, str]) -> list[Named]:
     found = []
     for finding in search.findings:
         slot = search.stage.slots[finding.number]
-        rivals = [
-            Rival(search.stage.slots[k].cause, search.stage.slots[k].where, lack, lack < MARGIN)
-            for k, lack in finding.others
-        ]
+        parameters = estimates(slot, search.final, search, units)
+        alike = _same_force(slot.cause, parameters)
+        rivals = []
+        for k, lack in finding.others:
+            other = search.stage.slots[k]
+            same = lack < MARGIN or other.cause == alike
+            rivals.append(Rival(other.cause, other.where, lack, same))
         found.append(
             Named(
                 slot.cause,
                 slot.where,
                 None,
                 form_of(slot),
-                estimates(slot, search.final, search, units),
+                parameters,
                 finding.gain,
                 len(slot.index),
                 _one_each(rivals),
@@ -92,6 +96,14 @@ def of_stage(search: Search, units: tuple[str, str]) -> list[Named]:
             )  # fmt: skip
         )
     return found
+
+
+def _same_force(cause: str, parameters: Mapping[str, Estimate]) -> str | None:
+    """The cause that is the same force: drag without its quadratic part is dry friction."""
+    if cause != "drag":
+        return None
+    quadratic = parameters["quadratic"]
+    return "coulomb_friction" if abs(quadratic.value) < 3.0 * quadratic.std else None
 
 
 def of_body(search: BodySearch) -> list[Named]:

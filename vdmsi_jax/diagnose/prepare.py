@@ -26,7 +26,8 @@ _ROW = 0.02  # s, between rows of a vehicle's record
 _BLOCKS, _JUDGING = 10, (2, 5, 8)  # parts of a single run, and which of them are held out
 
 _FOREIGN = {
-    "powertrain": {"speed_dependent_gain", "cross_coupling by speed"},
+    "powertrain": {"speed_dependent_gain", "cross_coupling by speed"}
+    | {"cross_coupling by acceleration"},
     "steering": {"drag", "road_grade", "coulomb_friction against response"}
     | {f"cross_coupling by {by}" for by in ("signed", "size", "square", "slowed")},
 }

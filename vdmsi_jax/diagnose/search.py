@@ -1,16 +1,16 @@
 """From a stage to the causes that explain it: baseline, forward selection, elimination, rivals."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..effects import AbstractEffect
 from .outcome import completed, steadiness
 from .refit import Hypothesis, Refit, refit
 from .screen import RAGGED, Candidate, screen
 from .stage import LEAD, POLES, Stage
+from .starts import bent, first_order, late, mirrored, nested, ringing, scanned
 
 ORDERS = ((1, 0), (2, 0), (2, 1), (3, 0), (3, 1), (3, 2), (4, 1), (4, 2), (4, 3))
 """Orders that a baseline may have. The plant comes first: a missing pole must not be called a
@@ -28,8 +28,11 @@ _SMALLER = 2  # smaller plants that are screened
 _FROM_SMALLER = 4  # candidates of the screens of smaller plants that are refitted
 _SMALL = ((1, 0), (2, 0), (2, 1), (3, 1))
 _MOST_CAUSES = 4
-_STATIC = ("saturation", "dead_zone", "gain_nonlinearity", "gain_asymmetry")
 _STEADY = 1.5  # standard errors over blocks that a second cause must be likelier by
+_SWAPS = 3
+_SWAPPED = 2.0  # by which another cause must be better to take a place
+_RIVALS = 8  # that are told
+_LIGHT, _TOLD = 0.15, 10.0  # damping of a mode, and what its name may cost
 _GROWS = 50.0  # that a cause in a small plant must gain for larger ones to be tried with it
 _REACH = 60.0  # that a candidate may lie behind the best after a few steps
 
@@ -114,27 +117,33 @@ def search(stage: Stage) -> Search:
         if now is plain:  # a cause may make a smaller plant enough
             coefficients = sum(_order(plain.hypothesis))
             orders = [o for o in _SMALL if sum(o) < coefficients]
-            starts += [h for order in orders for h in _late(stage, plain, order)]
-            starts += _ringing(stage, plain)
+            starts += [h for order in orders for h in late(stage, plain, order)]
+            starts += ringing(stage, plain)
             for smaller in _smaller(stage, grid, plain):
                 own = screen(stage, smaller, fine=False)[:_FROM_SMALLER]
                 starts += [joined(smaller.hypothesis, c) for c in own]
         most = max((c.gain for c in promising), default=0.0)
         fits = _best_of_each(refit(stage, starts, worth=worth, reach=max(_REACH, 0.5 * most)))
         if now is plain:
-            fits += refit(stage, _bent(stage, grid[1, 0]))
+            fits += _afresh(stage, plain, grid)
             fits += [f for small in _strongest(stage, fits, grid) for f in _grown(stage, small)]
         if not fits:
             break
         seen |= {_key(f.hypothesis): f for f in fits}
         better = [f for f in fits if score(stage, f) > score(stage, now)]
+        if now is plain and not better:
+            better = [f for f in fits if _rings(stage, f, plain)]
         first = not now.hypothesis.active
         steady = [f for f in better if first or steadiness(stage, now, f) > _STEADY]
         if not steady:
             break
         now = max(steady, key=lambda f: score(stage, f))
-    now = _eliminate(stage, now, seen)
-    findings = _findings(stage, now)
+    for _ in range(_SWAPS):
+        now = _eliminate(stage, now, seen)
+        findings, other = _findings(stage, now, seen)
+        if other is None or score(stage, other) < score(stage, now) + _SWAPPED:
+            break
+        now = other
     bare = replace(now.hypothesis, active=(), theta=_cleared(stage, now.hypothesis))
     order = (now.hypothesis.poles, now.hypothesis.zeros)
     baseline = grid[order] if order in grid else refit(stage, [bare])[0]
@@ -150,7 +159,7 @@ def search(stage: Stage) -> Search:
 
 def baselines(stage: Stage) -> dict[tuple[int, int], Refit]:
     """The plain plant at every order, each from its neighbours with less."""
-    first = refit(stage, _first_order(stage))
+    first = refit(stage, first_order(stage))
     grid = {(1, 0): max(first, key=lambda f: f.loglik)}
     for poles in range(2, POLES + 1):
         wanted = [order for order in ORDERS if order[0] == poles]
@@ -171,132 +180,6 @@ def baselines(stage: Stage) -> dict[tuple[int, int], Refit]:
         if best.hypothesis.poles < poles:
             break
     return grid
-
-
-def _first_order(stage: Stage) -> list[Hypothesis]:
-    """Plants of one pole over a ladder of time constants, the gain by least squares."""
-    duration = stage.u.shape[1] * stage.dt
-    ladder = np.geomspace(2.0 * stage.dt, 0.5 * duration, 16)
-    thetas = np.repeat(stage.off[None], len(ladder), axis=0)
-    thetas[:, 0] = thetas[:, POLES] = 1.0 / (ladder * stage.pace)
-    errors, gains = _scaled_errors(stage, thetas)
-    picked = np.argsort(errors)[:2]
-    made = []
-    for k in picked:
-        theta = thetas[k].copy()
-        theta[POLES] *= gains[k]
-        made.append(Hypothesis(1, 0, (), theta))
-    return made
-
-
-def nested(stage: Stage, h: Hypothesis) -> Iterable[Hypothesis]:
-    """The same plant with a pole, a zero, or both more, from several places."""
-    den = np.concatenate([[1.0], h.theta[: h.poles]])
-    num = h.theta[POLES + h.poles - 1 - h.zeros : POLES + h.poles]
-    slow = float(np.abs(np.roots(den)).min())
-    fast = float(np.abs(np.roots(den)).max())
-    limit = 1.0 / (stage.dt * stage.pace)
-    for p in {min(3.0 * fast, limit), min(fast, limit), slow / 3.0}:
-        if h.poles < POLES:
-            yield _of(h, stage, np.polymul(den, [1.0, p]), num * p)
-            for near in (0.8, 1.3):
-                yield _of(h, stage, np.polymul(den, [1.0, p]), np.polymul(num, [1.0, p * near]))
-    if h.zeros < h.poles - 1:
-        for tau in (0.1 / fast, -0.1 / fast):
-            yield _of(h, stage, den, np.polymul(num, [tau, 1.0]))
-
-
-def _reduced(stage: Stage, h: Hypothesis, order: tuple[int, int]) -> tuple[Hypothesis, float]:
-    """The slowest poles and stable zeros of a plant, and the delay that what is left out amounts
-    to, s."""
-    poles = np.roots(np.concatenate([[1.0], h.theta[: h.poles]]))
-    zeros = np.roots(h.theta[POLES + h.poles - 1 - h.zeros : POLES + h.poles])
-    level = h.theta[POLES + h.poles - 1] / h.theta[h.poles - 1]
-    poles = poles[np.argsort(np.abs(poles) + 1e-6 * poles.imag)]
-    zeros = zeros[np.argsort(np.where(zeros.real < 0, np.abs(zeros), np.inf))]
-    n, m = order
-    kept, led = poles[:n], zeros[: min(m, int(np.sum(zeros.real < 0)))]
-    den, num = (np.atleast_1d(np.real(np.poly(roots))) for roots in (kept, led))
-    num = np.concatenate([np.zeros(m + 1 - len(num)), num * level * den[-1] / num[-1]])
-    gone = np.sum(-1.0 / poles[n:]) - np.sum(-1.0 / zeros[len(led) :])
-    return _of(h, stage, den, num), float(np.real(gone)) / stage.pace
-
-
-def _late(stage: Stage, plain: Refit, order: tuple[int, int]) -> Iterable[Hypothesis]:
-    """The plain plant reduced to an order, with and without the delay that is lost."""
-    if order[0] > plain.hypothesis.poles or order[1] > plain.hypothesis.zeros:
-        return
-    h, delay = _reduced(stage, plain.hypothesis, order)
-    number = next(i for i, s in enumerate(stage.slots) if s.cause == "transport_delay")
-    theta = h.theta.copy()
-    theta[stage.slots[number].index[0]] = max(delay, 0.5 * stage.dt)
-    yield h
-    yield Hypothesis(h.poles, h.zeros, (number,), theta)
-
-
-def _ringing(stage: Stage, plain: Refit) -> list[Hypothesis]:
-    """The plain plant with its lightly damped poles, and the zeros nearest to them, told as a
-    resonance."""
-    h = plain.hypothesis
-    poles = np.roots(np.concatenate([[1.0], h.theta[: h.poles]]))
-    zeros = np.roots(h.theta[POLES + h.poles - 1 - h.zeros : POLES + h.poles])
-    level = h.theta[POLES + h.poles - 1] / h.theta[h.poles - 1]
-    number = next(i for i, s in enumerate(stage.slots) if s.cause == "resonance")
-    made = []
-    for p in poles[(poles.imag > 0) & (-poles.real < 0.4 * np.abs(poles)) & (poles.real < 0)]:
-        kept = poles[(np.abs(poles - p) > 1e-9) & (np.abs(poles - np.conj(p)) > 1e-9)]
-        if not kept.size:
-            continue
-        far = np.argsort(-np.minimum(np.abs(zeros - p), np.abs(zeros - np.conj(p))))
-        led = zeros[far[: max(min(zeros.size - 2, kept.size - 1), 0)]]
-        den, num = (np.atleast_1d(np.real(np.poly(roots))) for roots in (kept, led))
-        if num[-1] == 0.0:
-            continue
-        start = _of(h, stage, den, num * level * den[-1] / num[-1])
-        for share in (0.3, -0.2):
-            theta = start.theta.copy()
-            theta[list(stage.slots[number].index)] = (
-                abs(p) * stage.pace / (2.0 * np.pi), max(-p.real / abs(p), 0.01), share,
-            )  # fmt: skip
-            made.append(Hypothesis(start.poles, start.zeros, (number,), theta))
-    return made
-
-
-def _bent(stage: Stage, first: Refit) -> list[Hypothesis]:
-    """Plants of one pole with a cause that acts on the command, the gain by least squares: what a
-    characteristic bends, a linear fit took for another gain, from which no refit finds back."""
-    thetas, numbers = [], []
-    for number in stage.allowed:
-        slot = stage.slots[number]
-        if type(slot.effect).command is AbstractEffect.command or slot.cause not in _STATIC:
-            continue
-        for probe in slot.effect.probes(stage.scales):
-            for pace in (1.0, 4.0):
-                theta = stage.off.copy()
-                theta[0] = theta[POLES] = pace * abs(first.hypothesis.theta[0])
-                theta[list(slot.index)] = probe
-                thetas.append(theta)
-                numbers.append(number)
-    best: dict[int, tuple[float, np.ndarray]] = {}
-    errors, gains = _scaled_errors(stage, np.stack(thetas))
-    for number, theta, error, gain in zip(numbers, thetas, errors, gains, strict=True):
-        if np.isfinite(error) and (number not in best or error < best[number][0]):
-            scaled = theta.copy()
-            scaled[POLES] *= gain
-            best[number] = (error, scaled)
-    return [Hypothesis(1, 0, (number,), theta) for number, (_, theta) in best.items()]
-
-
-def _scaled_errors(stage: Stage, thetas: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Squared errors of responses with gain and level by least squares, and the gains."""
-    seen = stage.y[stage.mask]
-    errors, gains = [], []
-    for row in stage.simulate(thetas)[:, stage.mask]:
-        shape = np.stack([row, np.ones_like(row)], axis=1)
-        found, *_ = np.linalg.lstsq(shape, seen, rcond=None)
-        errors.append(float(np.sum((seen - shape @ found) ** 2)))
-        gains.append(float(found[0]))
-    return np.array(errors), np.array(gains)
 
 
 def _strongest(stage: Stage, fits: Sequence[Refit], grid: dict) -> list[Refit]:
@@ -323,15 +206,6 @@ def _grown(stage: Stage, fit: Refit) -> list[Refit]:
             return found
         found.append(better)
         fit = better
-
-
-def _of(h: Hypothesis, stage: Stage, den: np.ndarray, num: np.ndarray) -> Hypothesis:
-    theta = h.theta.copy()
-    theta[: 2 * POLES] = 0.0
-    poles, zeros = len(den) - 1, len(num) - 1
-    theta[:poles] = den[1:]
-    theta[POLES + poles - 1 - zeros : POLES + poles] = num
-    return Hypothesis(poles, zeros, h.active, theta)
 
 
 def _promising(stage: Stage, starts: Sequence[Hypothesis], kept: int = 2) -> list[Hypothesis]:
@@ -372,7 +246,7 @@ def joined(h: Hypothesis, candidate: Candidate) -> Hypothesis:
     return Hypothesis(h.poles, h.zeros, tuple(sorted({*h.active, candidate.number})), theta)
 
 
-def _smaller(stage: Stage, grid: dict[tuple[int, int], Refit], plain: Refit) -> list[Refit]:
+def _smaller(stage: Stage, grid: Mapping[tuple[int, int], Refit], plain: Refit) -> list[Refit]:
     """The best of the smaller plants, which a cause may make enough."""
     coefficients = sum(_order(plain.hypothesis))
     small = [f for o, f in grid.items() if sum(o) < coefficients and o in _SMALL]
@@ -407,25 +281,61 @@ def _eliminate(stage: Stage, now: Refit, seen: dict[tuple, Refit]) -> Refit:
     return now
 
 
-def _findings(stage: Stage, final: Refit) -> tuple[Finding, ...]:
+def _findings(
+    stage: Stage, final: Refit, seen: Mapping[tuple, Refit]
+) -> tuple[tuple[Finding, ...], Refit | None]:
     """Each cause of the final model with what it is worth there and what could stand in its
-    place."""
-    found = []
+    place; and the best fit with another in the place of one."""
+    found, tried = [], []
     for number in final.hypothesis.active:
         less = refit(stage, [_without(stage, final.hypothesis, number)])[0]
         gain = 2.0 * (final.loglik - less.loglik)
         screened = screen(stage, less, fine=stage.slots[number].cause in RAGGED)
         promised = next((c.gain for c in screened if c.number == number), 0.0)
         others = [c for c in screened if c.number != number and c.gain > 0.2 * gain][:6]
-        starts = [joined(less.hypothesis, c) for c in others]
-        own = stage.slots[number]
-        rivals = []
-        for f in _best_of_each(refit(stage, starts)):
-            other = next(k for k in f.hypothesis.active if k not in less.hypothesis.active)
-            slot = stage.slots[other]
-            more = 2.0 * (len(slot.index) - len(own.index))
-            if slot.cause != own.cause:
-                rivals.append((other, 2.0 * (final.loglik - f.loglik) + more))
+        fits = refit(stage, [joined(less.hypothesis, c) for c in others])
+        kept, own = set(less.hypothesis.active), stage.slots[number]
+        fits += [
+            f
+            for f in seen.values()
+            if kept < set(f.hypothesis.active) and len(f.hypothesis.active) == len(kept) + 1
+            if number not in f.hypothesis.active
+            # the cause itself, not a larger plant that imitates the one it stands for
+            if (bare := seen.get((*_order(f.hypothesis), frozenset(kept)))) is not None
+            and score(stage, f) > score(stage, bare)
+        ]
+        best: dict[int, Refit] = {}
+        for f in fits:
+            other = next(k for k in f.hypothesis.active if k not in kept)
+            if other not in best or score(stage, f) > score(stage, best[other]):
+                best[other] = f
+        tried += best.values()
+        size = len(final.hypothesis.free(stage))
+        rivals = [
+            (k, 2.0 * (final.loglik - f.loglik) + 2.0 * (len(f.hypothesis.free(stage)) - size))
+            for k, f in best.items()
+            if stage.slots[k].cause != own.cause
+        ]
         rivals.sort(key=lambda pair: pair[1])
-        found.append(Finding(number, gain, less, tuple(rivals), promised))
-    return tuple(sorted(found, key=lambda f: -f.gain))
+        found.append(Finding(number, gain, less, tuple(rivals[:_RIVALS]), promised))
+    best_other = max(tried, key=lambda f: score(stage, f), default=None)
+    return tuple(sorted(found, key=lambda f: -f.gain)), best_other
+
+
+def _afresh(stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]) -> list[Refit]:
+    """Fits of causes that are not reached from the best plain plant."""
+    plants = [plain, *_smaller(stage, grid, plain)[:1]]
+    starts = [*bent(stage, grid[1, 0]), *(h for at in plants for h in scanned(stage, at))]
+    fits = refit(stage, starts)
+    return _best_of_each([*fits, *refit(stage, mirrored(stage, fits))])
+
+
+def _rings(stage: Stage, f: Refit, plain: Refit) -> bool:
+    """Whether a fit tells lightly damped poles of the plain plant by their name, as well as it."""
+    h = f.hypothesis
+    slots = [stage.slots[number] for number in h.active]
+    if [slot.cause for slot in slots] != ["resonance"]:
+        return False
+    damping = h.theta[slots[0].index[slots[0].names.index("damping")]]
+    smaller = sum(_order(h)) < sum(_order(plain.hypothesis))
+    return smaller and damping < _LIGHT and score(stage, f) > score(stage, plain) - _TOLD

@@ -38,6 +38,7 @@ ACTUATOR: tuple[AbstractEffect, ...] = (
     CrossCoupling(by="square"),
     CrossCoupling(by="slowed"),
     CrossCoupling(by="speed"),
+    CrossCoupling(by="acceleration"),
     GainAsymmetry(by="command"),
     GainDrift(),
     RegimeChange(),

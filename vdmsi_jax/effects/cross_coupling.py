@@ -3,29 +3,34 @@
 from typing import ClassVar, Literal
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from vdmsi_jax.effects.base import AbstractEffect, Scales, Signals
+from vdmsi_jax.effects.base import AbstractEffect, Scales, Signals, lag
 from vdmsi_jax.parameters import parameter
+
+_SMOOTH = 0.2  # s, over which a speed is averaged to tell its slope
 
 
 class CrossCoupling(AbstractEffect):
     """Something of the other actuator is added to the command.
 
     Attributes:
-        by: what acts: the other command (`signed`), its size (`size`), its square (`square`), or,
-            in a share of the own command, its size (`slowed`).
+        by: what acts: the other command (`signed`), its size (`size`), its square (`square`), in a
+            share of the own command its size (`slowed`), the `speed`, or the `acceleration`, which
+            is the slope of the speed over a fifth of a second to both sides.
     """
 
     cause: ClassVar[str] = "cross_coupling"
 
     strength: Float[Array, ""] = parameter("command per unit of the other", "of the coupling")
-    by: Literal["signed", "size", "square", "slowed", "speed"] = eqx.field(
+    by: Literal["signed", "size", "square", "slowed", "speed", "acceleration"] = eqx.field(
         static=True, default="signed"
     )
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
-        typical = {"speed": max(scales.speed, 0.1)}.get(self.by, 1.0)
+        speed = max(scales.speed, 0.1)
+        typical = {"speed": speed, "acceleration": 20.0 * speed / scales.duration}.get(self.by, 1.0)
         whole = 1.0 if self.by == "slowed" else scales.command
         return [(k * whole / typical,) for k in (-0.5, -0.05, 0.05, 0.5)]
 
@@ -36,5 +41,14 @@ class CrossCoupling(AbstractEffect):
             "square": signals.other**2,
             "slowed": abs(signals.other) * u,
             "speed": signals.v,
+            "acceleration": _slope(signals),
         }[self.by]
         return u + self.strength * acting
+
+
+def _slope(signals: Signals) -> Float[Array, " N"]:
+    """Acceleration: the speed that is to come less the one that was, both by exponential means."""
+    spans = jnp.full_like(signals.v, _SMOOTH / (signals.h * signals.substeps))
+    before = lag(signals.v, spans)
+    after = lag(signals.v[::-1], spans)[::-1]
+    return (after - before) / (2.0 * _SMOOTH)

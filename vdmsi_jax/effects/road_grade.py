@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from vdmsi_jax.effects.base import AbstractEffect, Scales, Signals
 from vdmsi_jax.parameters import parameter
 
-KNOTS = 8
+KNOTS = 16
 GRAVITY = 9.80665  # m/s^2
 
 

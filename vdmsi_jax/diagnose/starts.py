@@ -1,0 +1,198 @@
+"""Where refits start: plants with more poles or fewer, and causes that no small step leads to."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..effects import AbstractEffect
+from .refit import Hypothesis, Refit
+from .stage import POLES, Stage
+
+_STATIC = ("saturation", "dead_zone", "gain_nonlinearity", "gain_asymmetry")
+_TWO_SIDED = ("saturation", "rate_limit")
+_TIMES, _SIZES = 48, 256  # that are tried; steps must be met to about 1 %
+_CHANGE = 0.1  # of gain, to try moments with
+
+
+def first_order(stage: Stage) -> list[Hypothesis]:
+    """Plants of one pole over a ladder of time constants, the gain by least squares."""
+    duration = stage.u.shape[1] * stage.dt
+    ladder = np.geomspace(2.0 * stage.dt, 0.5 * duration, 16)
+    thetas = np.repeat(stage.off[None], len(ladder), axis=0)
+    thetas[:, 0] = thetas[:, POLES] = 1.0 / (ladder * stage.pace)
+    errors, shares = _fitted(stage, [[row] for row in stage.simulate(thetas)[:, stage.mask]])
+    picked = np.argsort(errors)[:2]
+    made = []
+    for k in picked:
+        theta = thetas[k].copy()
+        theta[POLES] *= shares[k][0]
+        made.append(Hypothesis(1, 0, (), theta))
+    return made
+
+
+def nested(stage: Stage, h: Hypothesis) -> Iterable[Hypothesis]:
+    """The same plant with a pole, a zero, or both more, from several places."""
+    den = np.concatenate([[1.0], h.theta[: h.poles]])
+    num = h.theta[POLES + h.poles - 1 - h.zeros : POLES + h.poles]
+    slow = float(np.abs(np.roots(den)).min())
+    fast = float(np.abs(np.roots(den)).max())
+    limit = 1.0 / (stage.dt * stage.pace)
+    for p in {min(3.0 * fast, limit), min(fast, limit), slow / 3.0}:
+        if h.poles < POLES:
+            yield plant(h, stage, np.polymul(den, [1.0, p]), num * p)
+            for near in (0.8, 1.3):
+                yield plant(h, stage, np.polymul(den, [1.0, p]), np.polymul(num, [1.0, p * near]))
+    if h.zeros < h.poles - 1:
+        for tau in (0.1 / fast, -0.1 / fast):
+            yield plant(h, stage, den, np.polymul(num, [tau, 1.0]))
+
+
+def _reduced(stage: Stage, h: Hypothesis, order: tuple[int, int]) -> tuple[Hypothesis, float]:
+    """The slowest poles and stable zeros of a plant, and the delay that what is left out amounts
+    to, s."""
+    poles = np.roots(np.concatenate([[1.0], h.theta[: h.poles]]))
+    zeros = np.roots(h.theta[POLES + h.poles - 1 - h.zeros : POLES + h.poles])
+    level = h.theta[POLES + h.poles - 1] / h.theta[h.poles - 1]
+    poles = poles[np.argsort(np.abs(poles) + 1e-6 * poles.imag)]
+    zeros = zeros[np.argsort(np.where(zeros.real < 0, np.abs(zeros), np.inf))]
+    n, m = order
+    kept, led = poles[:n], zeros[: min(m, int(np.sum(zeros.real < 0)))]
+    den, num = (np.atleast_1d(np.real(np.poly(roots))) for roots in (kept, led))
+    num = np.concatenate([np.zeros(m + 1 - len(num)), num * level * den[-1] / num[-1]])
+    gone = np.sum(-1.0 / poles[n:]) - np.sum(-1.0 / zeros[len(led) :])
+    return plant(h, stage, den, num), float(np.real(gone)) / stage.pace
+
+
+def late(stage: Stage, plain: Refit, order: tuple[int, int]) -> Iterable[Hypothesis]:
+    """The plain plant reduced to an order, with and without the delay that is lost."""
+    if order[0] > plain.hypothesis.poles or order[1] > plain.hypothesis.zeros:
+        return
+    h, delay = _reduced(stage, plain.hypothesis, order)
+    number = next(i for i, s in enumerate(stage.slots) if s.cause == "transport_delay")
+    theta = h.theta.copy()
+    theta[stage.slots[number].index[0]] = max(delay, 0.5 * stage.dt)
+    yield h
+    yield Hypothesis(h.poles, h.zeros, (number,), theta)
+
+
+def ringing(stage: Stage, plain: Refit) -> list[Hypothesis]:
+    """The plain plant with its lightly damped poles, and the zeros nearest to them, told as a
+    resonance."""
+    h = plain.hypothesis
+    poles = np.roots(np.concatenate([[1.0], h.theta[: h.poles]]))
+    zeros = np.roots(h.theta[POLES + h.poles - 1 - h.zeros : POLES + h.poles])
+    level = h.theta[POLES + h.poles - 1] / h.theta[h.poles - 1]
+    number = next(i for i, s in enumerate(stage.slots) if s.cause == "resonance")
+    made = []
+    for p in poles[(poles.imag > 0) & (-poles.real < 0.4 * np.abs(poles)) & (poles.real < 0)]:
+        kept = poles[(np.abs(poles - p) > 1e-9) & (np.abs(poles - np.conj(p)) > 1e-9)]
+        if not kept.size:
+            continue
+        far = np.argsort(-np.minimum(np.abs(zeros - p), np.abs(zeros - np.conj(p))))
+        led = zeros[far[: max(min(zeros.size - 2, kept.size - 1), 0)]]
+        den, num = (np.atleast_1d(np.real(np.poly(roots))) for roots in (kept, led))
+        if num[-1] == 0.0:
+            continue
+        start = plant(h, stage, den, num * level * den[-1] / num[-1])
+        for share in (0.3, -0.2):
+            theta = start.theta.copy()
+            theta[list(stage.slots[number].index)] = (
+                abs(p) * stage.pace / (2.0 * np.pi), max(-p.real / abs(p), 0.01), share,
+            )  # fmt: skip
+            made.append(Hypothesis(start.poles, start.zeros, (number,), theta))
+    return made
+
+
+def bent(stage: Stage, first: Refit) -> list[Hypothesis]:
+    """Plants of one pole with a cause that acts on the command, the gain by least squares: what a
+    characteristic bends, a linear fit took for another gain, from which no refit finds back."""
+    thetas, numbers = [], []
+    for number in stage.allowed:
+        slot = stage.slots[number]
+        if type(slot.effect).command is AbstractEffect.command or slot.cause not in _STATIC:
+            continue
+        for probe in slot.effect.probes(stage.scales):
+            for pace in (1.0, 4.0):
+                theta = stage.off.copy()
+                theta[0] = theta[POLES] = pace * abs(first.hypothesis.theta[0])
+                theta[list(slot.index)] = probe
+                thetas.append(theta)
+                numbers.append(number)
+    best: dict[int, tuple[float, np.ndarray]] = {}
+    rows = stage.simulate(np.stack(thetas))[:, stage.mask]
+    errors, shares = _fitted(stage, [[row] for row in rows])
+    for number, theta, error, (gain,) in zip(numbers, thetas, errors, shares, strict=True):
+        if np.isfinite(error) and (number not in best or error < best[number][0]):
+            scaled = theta.copy()
+            scaled[POLES] *= gain
+            best[number] = (error, scaled)
+    return [Hypothesis(1, 0, (number,), theta) for number, (_, theta) in best.items()]
+
+
+def plant(h: Hypothesis, stage: Stage, den: np.ndarray, num: np.ndarray) -> Hypothesis:
+    theta = h.theta.copy()
+    theta[: 2 * POLES] = 0.0
+    poles, zeros = len(den) - 1, len(num) - 1
+    theta[:poles] = den[1:]
+    theta[POLES + poles - 1 - zeros : POLES + poles] = num
+    return Hypothesis(poles, zeros, h.active, theta)
+
+
+def mirrored(stage: Stage, fits: Sequence[Refit]) -> list[Hypothesis]:
+    """Limits that were found on one side, on both: from a side that is off nothing leads to it."""
+    made = []
+    for f in fits:
+        for number in f.hypothesis.active:
+            slot = stage.slots[number]
+            values = f.hypothesis.theta[list(slot.index)]
+            if slot.cause in _TWO_SIDED and np.any(values == 0.0) and np.any(values != 0.0):
+                theta = f.hypothesis.theta.copy()
+                theta[list(slot.index)] = values.max()
+                made.append(replace(f.hypothesis, theta=theta))
+    return made
+
+
+def scanned(stage: Stage, at: Refit) -> list[Hypothesis]:
+    """A plant with a change of gain, or with steps in its command, at the moments and of the sizes
+    that explain the response itself best: their likelihood has many maxima, and in innovations a
+    change of gain shows only when the command moves."""
+    h, made = at.hypothesis, []
+    base = stage.simulate(h.theta[None])[0][stage.mask]
+    times = np.linspace(0.05, 0.95, _TIMES) * stage.scales.duration
+    sizes = np.geomspace(0.008, 0.25, _SIZES) * (stage.scales.high - stage.scales.low)
+    for number in stage.allowed:
+        slot = stage.slots[number]
+        if slot.cause not in ("regime_change", "quantization"):
+            continue
+        jumps, i = slot.cause == "regime_change", slot.index[0]
+        values = times if jumps else sizes
+        thetas = np.repeat(h.theta[None], len(values), axis=0)
+        thetas[:, i] = values
+        if jumps:
+            thetas[:, slot.index[1]] = _CHANGE
+        rows = stage.simulate(thetas)[:, stage.mask]
+        rows = [[base, row - base] if jumps else [row] for row in rows]
+        errors, shares = _fitted(stage, rows)
+        for k in np.argsort(errors)[:2]:
+            theta = thetas[k]
+            theta[POLES : 2 * POLES] *= shares[k][0]
+            if jumps:
+                theta[slot.index[1]] = max(_CHANGE * shares[k][1] / shares[k][0], -0.9)
+            made.append(Hypothesis(h.poles, h.zeros, (number,), theta))
+    return made
+
+
+def _fitted(
+    stage: Stage, candidates: Sequence[Sequence[np.ndarray]]
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Squared errors of the measured response by least squares on each candidate's rows and a
+    level, and the shares of the rows."""
+    seen = stage.y[stage.mask]
+    errors, shares = [], []
+    for rows in candidates:
+        shape = np.stack([*rows, np.ones_like(seen)], axis=1)
+        found, *_ = np.linalg.lstsq(shape, seen, rcond=None)
+        errors.append(float(np.sum((seen - shape @ found) ** 2)))
+        shares.append(found[:-1])
+    return np.array(errors), shares
