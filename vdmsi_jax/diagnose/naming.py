@@ -171,6 +171,9 @@ def estimates(
     for j, (name, i, known) in enumerate(zip(slot.names, slot.index, slot.known, strict=True)):
         variance = fit.covariance[free.index(i), free.index(i)] if i in free else math.nan
         std = float(np.sqrt(variance)) if variance >= 0 else math.nan
+        if slot.cause == "quantization":  # no slope tells it: how far the same rounding allows
+            largest = max(abs(search.stage.scales.low), abs(search.stage.scales.high))
+            std = float(fit.hypothesis.theta[i] ** 2 / (6.0 * largest))
         value, std = known.tell(float(fit.hypothesis.theta[i]), std)
         told[name] = Estimate(value, std, told_unit(slot, j, units))
     return _renamed(slot.cause, told)

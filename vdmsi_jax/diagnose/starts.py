@@ -5,13 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..effects import AbstractEffect
+from ..effects import AbstractEffect, Scales
 from .refit import Hypothesis, Refit
 from .stage import POLES, Stage
 
 _STATIC = ("saturation", "dead_zone", "gain_nonlinearity", "gain_asymmetry")
 _TWO_SIDED = ("saturation", "rate_limit")
-_TIMES, _SIZES = 48, 256  # that are tried; steps must be met to about 1 %
+_TIMES = 48  # moments that are tried
+_SMALLEST, _WIDEST = 0.02, 0.25  # steps that are tried, of the command's range
 _CHANGE = 0.1  # of gain, to try moments with
 
 
@@ -160,7 +161,7 @@ def scanned(stage: Stage, at: Refit) -> list[Hypothesis]:
     h, made = at.hypothesis, []
     base = stage.simulate(h.theta[None])[0][stage.mask]
     times = np.linspace(0.05, 0.95, _TIMES) * stage.scales.duration
-    sizes = np.geomspace(0.008, 0.25, _SIZES) * (stage.scales.high - stage.scales.low)
+    sizes = _steps(stage.scales)
     for number in stage.allowed:
         slot = stage.slots[number]
         if slot.cause not in ("regime_change", "quantization"):
@@ -181,6 +182,16 @@ def scanned(stage: Stage, at: Refit) -> list[Hypothesis]:
                 theta[slot.index[1]] = max(_CHANGE * shares[k][1] / shares[k][0], -0.9)
             made.append(Hypothesis(h.poles, h.zeros, (number,), theta))
     return made
+
+
+def _steps(scales: Scales) -> np.ndarray:
+    """Sizes of steps to try, each as far from the one before as rounding the largest command the
+    same way allows."""
+    largest, whole = max(abs(scales.low), abs(scales.high)), scales.high - scales.low
+    sizes = [_SMALLEST * whole]
+    while sizes[-1] < _WIDEST * whole:
+        sizes.append(sizes[-1] * (1.0 + sizes[-1] / (6.0 * largest)))
+    return np.array(sizes)
 
 
 def _fitted(
