@@ -1,0 +1,101 @@
+"""What is left when all causes are in, and what is held out to judge by."""
+
+import numpy as np
+import pytest
+
+from vdmsi_jax.data.record import Record
+from vdmsi_jax.diagnose.chain import bands, regress
+from vdmsi_jax.diagnose.judge import Scored, Trial, confirmed
+from vdmsi_jax.diagnose.prepare import lay_out
+from vdmsi_jax.diagnose.result import Gain
+from vdmsi_jax.diagnose.unexplained import slow_error
+
+DT = 0.02
+N = 3000
+RNG = np.random.default_rng(4)
+T = DT * np.arange(N)
+RESPONSE = 8.0 + 2.0 * np.sign(np.sin(2 * np.pi * T / 9.0))[None]
+NOISE = 0.03 * RNG.standard_normal((1, N))
+EVERYWHERE = np.ones((1, N), bool)
+
+
+def slow(size):
+    residual = NOISE + size * np.sin(2 * np.pi * T / 7.0)
+    return slow_error("v", residual, NOISE, RESPONSE, EVERYWHERE, DT)
+
+
+def test_noise_is_no_slow_error():
+    assert slow(0.0) is None
+
+
+def test_a_slow_error_is_told_by_its_size_alone():
+    found = slow(0.4)
+    assert found is not None and found.puzzling
+    assert found.fraction > 0.9  # of the residual
+
+
+def test_a_slow_error_that_is_small_beside_the_response_is_none():
+    assert slow(0.05) is None
+
+
+def test_bands_add_up_and_part_slow_from_fast():
+    drift = np.sin(2 * np.pi * T / 20.0)[None]
+    low, high = bands(drift + NOISE, DT)
+    np.testing.assert_allclose(low + high, drift + NOISE, atol=1e-12)
+    inner = slice(100, -100)
+    assert np.std((low - drift)[:, inner]) < 0.2 * np.std(drift)
+    assert np.std((high - NOISE)[:, inner]) < 0.5 * np.std(NOISE)
+
+
+def test_shares_of_rows_that_are_zero_are_zero():
+    X = np.stack([T, np.zeros(N)])
+    np.testing.assert_allclose(regress(X, 0.7 * T), [0.7, 0.0], atol=1e-6)
+
+
+def record(name, n):
+    return Record.from_arrays(dt=DT, name=name, v_cmd=np.ones(n), v=np.ones(n))
+
+
+def test_a_single_log_is_judged_in_parts_that_lie_apart():
+    held = lay_out([record("one", 1000)]).held()[0]
+    assert held.mean() == pytest.approx(0.3)
+    assert np.count_nonzero(np.diff(held.astype(int)) == 1) == 3
+    assert not held[:200].any() and not held[-100:].any()
+
+
+def test_of_three_logs_the_last_judges():
+    runs = lay_out([record(str(k), 400) for k in range(3)])
+    assert [bool(row.all()) for row in runs.held()] == [False, False, True]
+    assert not runs.held()[:2].any()
+
+
+def test_a_long_log_is_looked_at_in_stretches_that_span_it():
+    runs = lay_out([record("hour", 180_000)])
+    looked = sum(b - a for a, b in zip(runs.starts, runs.stops, strict=True))
+    assert looked <= 15_000
+    assert runs.starts[0] < 10_000 and runs.stops[-1] > 170_000
+
+
+def trial(before, after, y):
+    scored = Scored("v", y, before, after, np.zeros(1))
+    worth, variance = confirmed(scored, EVERYWHERE, DT)
+    return worth, worth / np.sqrt(variance)
+
+
+def test_a_gain_in_every_block_is_steadier_than_the_same_gain_in_one():
+    y = RESPONSE + NOISE
+    everywhere = 0.02 * np.sin(2 * np.pi * T / 3.0)[None]
+    once = np.where(T < 5.0, 1.0, 0.0)[None] * everywhere * np.sqrt(60.0 / 5.0)
+    steady, sudden = (trial(RESPONSE + e, RESPONSE, y) for e in (everywhere, once))
+    assert steady[0] > 0.0 and sudden[0] > 0.0
+    assert steady[1] > 3.0 > 2.0 > sudden[1]
+
+
+@pytest.mark.parametrize(
+    ("share", "steady", "puzzling", "named"),
+    [(0.1, 4.0, False, True), (0.1, 1.0, False, False), (0.5, 1.0, False, True),
+     (0.5, 1.0, True, False), (0.95, 1.0, True, True), (0.5, 4.0, True, True)],
+)  # fmt: skip
+def test_a_name_must_take_more_where_much_is_left(share, steady, puzzling, named):
+    gain = Gain("v", 90.0, 90.5, 10.0, 1.0, 0.9)
+    assert Trial(gain, 50.0, steady).believed(share, puzzling) is named
