@@ -4,7 +4,6 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..diagnose import Diagnosis
 from ..identify.result import LOW_FIT, Fit, OrderGrid
 from ..testbed import UNITS as CAR_UNITS
 from . import published
@@ -12,7 +11,7 @@ from .closed_loop import ClosedLoop
 from .course import PAPER_SPEED, RAMP, Course
 from .identification import PAPER_OPTIONS, PAPER_ORDER, Identification
 from .open_loop import STATISTICS, OpenLoop, gain
-from .reproduce import KEYS, Experiments
+from .reproduce import KEYS, Experiments, named
 
 SCHEMA = "vdmsi.reproduce/1"
 
@@ -97,7 +96,7 @@ def _car(one: Experiments) -> dict[str, Any]:
             }
             for name, grid in one.identification.grids.items()
         },
-        "diagnosis": _diagnosis(one.diagnosis),
+        "diagnosis": named(one.diagnosis),
         "table_3": {name: _open_loop(found) for name, found in one.open_loop.items()},
         "speed_command_ramp": {"value": RAMP, "unit": "m/s^2"},
         "vdm_rules": {
@@ -181,24 +180,6 @@ def _parameters(fit: Fit) -> dict[str, Any]:
         "zeros": fit.zeros,
         "gain_at_rest": None if fit.model is None else float(fit.model.num[-1] / fit.model.den[-1]),
         "warnings": list(fit.warnings),
-    }
-
-
-def _diagnosis(found: Diagnosis) -> dict[str, Any]:
-    return {
-        "verdict": found.verdict,
-        "summary": found.summary,
-        "findings": [
-            {
-                "cause": finding.cause,
-                "where": finding.where,
-                "parameters": {
-                    name: {"value": own.value, "std": own.std, "unit": own.unit}
-                    for name, own in finding.parameters.items()
-                },
-            }
-            for finding in found.findings
-        ],
     }
 
 

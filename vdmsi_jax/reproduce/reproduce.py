@@ -3,8 +3,10 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ..diagnose import Diagnosis, diagnose
+from ..files import write_json
 from ..model_file import Model
 from ..models.vehicle import Vehicle
 from ..testbed import write_log
@@ -24,6 +26,9 @@ from .logs import (
     start_name,
 )
 from .open_loop import OpenLoop, open_loop
+
+NAMED = "diagnosis.json"
+"""File beside the logs of a car: the diagnosis whose extended model drove without sensors."""
 
 KEYS = {"VDM": "vdm", "VDM-SI": "vdm_si", "extended": "extended"}
 """How models are called in names of files and keys."""
@@ -51,6 +56,25 @@ class Experiments:
     def extended(self) -> Model | None:
         """The model with the causes that the diagnosis named, if it named any."""
         return extended_model(self.diagnosis)
+
+
+def named(diagnosis: Diagnosis) -> dict[str, Any]:
+    """What was found, as plain numbers with their units."""
+    return {
+        "verdict": diagnosis.verdict,
+        "summary": diagnosis.summary,
+        "findings": [
+            {
+                "cause": finding.cause,
+                "where": finding.where,
+                "parameters": {
+                    name: {"value": own.value, "std": own.std, "unit": own.unit}
+                    for name, own in finding.parameters.items()
+                },
+            }
+            for finding in diagnosis.findings
+        ],
+    }
 
 
 def extended_model(diagnosis: Diagnosis) -> Model | None:
@@ -92,6 +116,8 @@ def _one(trim: Trim, folder: Path, engine: bool, told: Callable[[str], None]) ->
     found = identify_actuators([logs[name] for name in STEPS])
     told(f"diagnosing the {trim.name} car")
     diagnosis = diagnose([logs[name] for name in DRIVES])
+    if engine:
+        write_json(folder / NAMED, named(diagnosis))
     extended = extended_model(diagnosis)
     models = {"VDM": found.model.to_vehicle(dynamics=False), "VDM-SI": found.model.to_vehicle()}
     if extended is not None:
