@@ -1,5 +1,5 @@
-"""A folder as `vdmsi reproduce` leaves it, made without computing: numbers are made up, pictures are
-blank, and what lies beyond the paper is the recorded document."""
+"""A folder as `vdmsi reproduce` leaves it, made without computing: numbers are made up, pictures
+are blank, and what lies beyond the paper is the recorded document."""
 
 from pathlib import Path
 from typing import Any
@@ -85,6 +85,7 @@ def _car(worn: bool) -> dict[str, Any]:
             "summary": "Something.",
             "findings": [finding] if worn else [],
         },
+        "driven_with": {"findings": []} if worn else None,
         "table_3": {c.name: {**tables, "title": c.title, "improved": better} for c in COURSES},
         "speed_command_ramp": {"value": 1.0, "unit": "m/s^2"},
         "vdm_rules": {c.name: {"ramp": told, "step": told} for c in COURSES},

@@ -1,4 +1,4 @@
-"""The report in print: it compiles from what `vdmsi reproduce` leaves, and holds no result itself."""
+"""The report in print: it compiles from what `vdmsi reproduce` leaves, and holds no result."""
 
 import json
 import re

@@ -97,6 +97,7 @@ def _car(one: Experiments) -> dict[str, Any]:
             for name, grid in one.identification.grids.items()
         },
         "diagnosis": named(one.diagnosis),
+        "driven_with": one.driven_with,
         "table_3": {name: _open_loop(found) for name, found in one.open_loop.items()},
         "speed_command_ramp": {"value": RAMP, "unit": "m/s^2"},
         "vdm_rules": {

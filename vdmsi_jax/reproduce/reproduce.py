@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ..diagnose import Diagnosis, diagnose
-from ..files import write_json
+from ..files import read_json, write_json
 from ..model_file import Model
 from ..models.vehicle import Vehicle
 from ..testbed import write_log
@@ -44,6 +44,8 @@ class Experiments:
         diagnosis: what else is wrong with it, from driving that is neither steps nor a course.
         open_loop: table 3, by course.
         closed_loop: figure 7, by course and model.
+        driven_with: what was known of the car when the closed loop was driven, as `named` tells it;
+            None if that was not kept.
     """
 
     trim: Trim
@@ -51,6 +53,7 @@ class Experiments:
     diagnosis: Diagnosis
     open_loop: Mapping[str, OpenLoop]
     closed_loop: Mapping[str, Mapping[str, ClosedLoop]]
+    driven_with: Mapping[str, Any] | None = None
 
     @property
     def extended(self) -> Model | None:
@@ -129,7 +132,9 @@ def _one(trim: Trim, folder: Path, engine: bool, told: Callable[[str], None]) ->
         drives = logs[course.name], logs[start_name(course)]
         opened[course.name] = open_loop(course, *drives, models, acceleration)
         closed[course.name] = _closed(trim, folder, course, models, engine, told)
-    return Experiments(trim, found, diagnosis, opened, closed)
+    kept = folder / NAMED
+    driven_with = read_json(kept) if kept.is_file() else None
+    return Experiments(trim, found, diagnosis, opened, closed, driven_with)
 
 
 def _closed(
