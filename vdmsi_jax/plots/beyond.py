@@ -61,9 +61,7 @@ def distribution(population: Mapping[str, Any], published: Mapping[str, Any]) ->
     return figure
 
 
-def _swarms(
-    axes: Axes, errors: Mapping[str, Sequence[float]], spreads: Mapping[str, Mapping[str, float]]
-) -> None:
+def _swarms(axes: Axes, errors: Mapping[str, Sequence[float]], spreads: Mapping[str, Any]) -> None:
     rng = np.random.default_rng(0)  # of the vertical scatter, which means nothing
     for i, name in enumerate(MODELS):
         values = np.asarray(errors[name])
