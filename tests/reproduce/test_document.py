@@ -20,7 +20,8 @@ from vdmsi_jax.reproduce.logs import looks
 @pytest.fixture(scope="module")
 def document(one, tmp_path_factory):
     path = tmp_path_factory.mktemp("out") / "results.json"
-    write_json(path, results_document([one], source="a test", beyond=beyond.recorded()))
+    more = {"beyond": beyond.recorded(), "beyond_source": beyond.RECORDED_SOURCE}
+    write_json(path, results_document([one], source="a test", **more))
     return json.loads(path.read_text())
 
 

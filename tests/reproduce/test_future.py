@@ -1,5 +1,5 @@
-"""The three future works as `vdmsi reproduce` tells of them, computed anew in the slow tests. What they rest on is tested against
-other code in `test_online`, `test_acceleration` and `test_fusion`."""
+"""The three future works as `vdmsi reproduce` tells of them, computed anew in the slow tests. What
+they rest on is tested against other code in `test_online`, `test_acceleration`, `test_fusion`."""
 
 import json
 from typing import Any
