@@ -5,7 +5,7 @@ BIN := .venv/bin
 # A file of tests stays in one process, since tests of one file share what they compiled.
 PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
-.PHONY: help demo test test-slow lint format notebooks bench hunt clean
+.PHONY: help demo paper record test test-slow lint format notebooks bench hunt clean
 .DEFAULT_GOAL := help
 
 help:  ## list the targets
@@ -19,6 +19,13 @@ demo: .venv/.core  ## name the fault in three drives; identify others, and simul
 	$(BIN)/vdmsi simulate out/demo/identify/identify.json configs/demo/bend.csv configs/demo/s_curve.csv \
 	    --config configs/demo/vehicle.toml --out out/demo/simulate
 	@echo "Open report.html in out/demo/diagnose, out/demo/identify and out/demo/simulate"
+
+paper: .venv/.paper  ## make the paper's experiments again, and the report of them as PDF
+	$(BIN)/vdmsi reproduce --out out/paper --pdf
+
+record: .venv/.core  ## run the studies beyond the paper anew, and ship what came of them
+	$(BIN)/vdmsi reproduce --out out/record --beyond --no-report
+	cp out/record/beyond.json vdmsi_jax/reproduce/recorded/beyond.json
 
 test: .venv/.test  ## the tests, without the slow ones
 	$(PYTEST) --durations=10

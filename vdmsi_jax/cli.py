@@ -225,17 +225,22 @@ def reproduce(
     out: Folder,
     logs: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="")] = None,
     engine: bool = False,
+    beyond: bool = False,
+    pdf: bool = False,
     report: bool = True,
     cache: bool = True,
 ) -> None:
     """Make the experiments of the paper again, with a car on a physics engine.
 
-    Writes results.json, figures/ and report.html.
+    Writes results.json, figures/ and report.html, and report.pdf if asked.
 
     Args:
         out: folder to write to.
         logs: logs of an earlier run with --engine (its folder logs); those of the package without.
         engine: drive the car anew, by MuJoCo, and keep its logs in the folder logs.
+        beyond: run the studies beyond the paper anew and keep them in beyond.json; without, those
+            of the package are told, which were run before.
+        pdf: write report.pdf, too, by Typst.
         report: write figures/ and report.html.
         cache: keep compiled programs for the next time.
     """
@@ -244,11 +249,19 @@ def reproduce(
     if engine and logs is not None:
         problem = "is read from where --engine writes"
         raise InputError("vdmsi reproduce", "--logs", problem, "give one of both")
+    if pdf and not report:
+        problem = "the PDF shows the figures that come with the report"
+        raise InputError("vdmsi reproduce", "--pdf", problem, "leave out --no-report")
+    if pdf:
+        from .report.pdf import require_typst
+
+        require_typst()
     output_folder(out)
     _prepare_jax(cache)
 
     from . import terminal
     from .reproduce import SHIPPED
+    from .reproduce import beyond as studies
     from .reproduce import reproduce as run
     from .reproduce.document import results_document
     from .reproduce.logs import looks
@@ -264,21 +277,38 @@ def reproduce(
     )
     with terminal.working("reproducing") as say:
         found = run(folder, engine=engine, told=say)
-    write_json(out / "results.json", results_document(found, source=source))
+        further = studies.beyond(told=say).document() if beyond else studies.recorded()
+    if beyond:
+        write_json(out / "beyond.json", further)
+    told = "Computed in this run." if beyond else studies.RECORDED_SOURCE
+    document = results_document(found, source=source, beyond=further, beyond_source=told)
+    write_json(out / "results.json", document)
     terminal.show_reproduction(found)
     if report:
         with terminal.working("drawing the report"):
+            from .report.beyond import beyond_figures, beyond_sections
             from .report.page import render
-            from .report.reproduction import figure_file, figures, reproduction_page
+            from .report.reproduction import embedded, figure_file, figures, reproduction_page
 
             drawings = {one.trim.name: figures(one) for one in found}
+            drawings["beyond"] = beyond_figures(document)
             output_folder(out / "figures")
+            pictures = looks(folder)
+            for course, picture in pictures.items():
+                write_text(out / "figures" / figure_file("look", course), embedded(picture))
             for car, drawn in drawings.items():
                 for name, drawing in drawn.items():
                     write_text(out / "figures" / figure_file(car, name), drawing.svg + "\n")
-            page = reproduction_page(found, drawings, looks(folder), source=source)
+            more = beyond_sections(document, drawings["beyond"])
+            page = reproduction_page(found, drawings, pictures, source=source, more=more)
             write_text(out / "report.html", render(page))
         terminal.OUT.print(f"report: {out / 'report.html'}", soft_wrap=True)
+    if pdf:
+        with terminal.working("typesetting the report"):
+            from .report.pdf import build_pdf
+
+            made = build_pdf(out)
+        terminal.OUT.print(f"paper: {made}", soft_wrap=True)
 
 
 COMMANDS = {

@@ -1,5 +1,10 @@
 """Figures: each function takes finished results and returns one matplotlib figure."""
 
+from .beyond import distribution as distribution
+from .beyond import outages as outages
+from .beyond import shares as shares
+from .beyond import steering_explained as steering_explained
+from .beyond import tracking as tracking
 from .diagnosis import budget as budget
 from .diagnosis import diagnosis as diagnosis
 from .diagnosis import gains as gains

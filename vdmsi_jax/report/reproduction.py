@@ -75,6 +75,7 @@ def reproduction_page(
     looks: Mapping[str, bytes],
     *,
     source: str,
+    more: Sequence[Section] = (),
 ) -> Page:
     """The paper's section 5, car by car.
 
@@ -83,6 +84,7 @@ def reproduction_page(
         drawings: of each car, by its name: what `figures` made.
         looks: PNG pictures of the car on its tracks, by the course's name.
         source: where the logs came from.
+        more: what lies beyond the paper.
     """
     return Page(
         title="The paper's experiments on a car that no model knows",
@@ -95,6 +97,7 @@ def reproduction_page(
                 for one in experiments
                 for section in _car(one, drawings[one.trim.name], alone=len(experiments) == 1)
             ),
+            *more,
         ],
     )
 

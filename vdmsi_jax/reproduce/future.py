@@ -32,6 +32,7 @@ SPEED_NOISE = 0.054
 IMU_NOISE, IMU_BIAS = 0.1, 0.15  # m/s²
 STATIONARY = 20.0  # s
 DROP = 0.8  # gain after the change over that before
+WITHIN = 0.05  # of the gain: an error that counts as known
 RECOVERY = 10.0  # s after the change that are looked at
 OUTAGES = (1.0, 2.0, 5.0, 10.0, 20.0, 30.0)  # s
 _BATCH = 24
@@ -56,6 +57,21 @@ def _responses(u: Float[Array, "K N"]) -> Float[Array, "K N"]:
 
 
 @dataclass(frozen=True)
+class Followed:
+    """The static gain during one drive.
+
+    Attributes:
+        t: (N,) time since the change, s.
+        truth, gain, std: (N,) of it, its estimate, and the estimate's standard deviation.
+    """
+
+    t: Float[np.ndarray, " N"]
+    truth: Float[np.ndarray, " N"]
+    gain: Float[np.ndarray, " N"]
+    std: Float[np.ndarray, " N"]
+
+
+@dataclass(frozen=True)
 class Online:
     """Recursive identification of the paper's powertrain, whose gain falls by a fifth.
 
@@ -67,6 +83,7 @@ class Online:
         gain_error: (N,) relative error of the static gain, median over the seeds.
         held: (N,) share of seeds in which the 95 % interval of the gain holds the truth.
         recovered: s after the change from which on nine of ten seeds have the gain to 5 %.
+        example: the first seed.
     """
 
     offline_error: float
@@ -75,6 +92,7 @@ class Online:
     gain_error: Float[np.ndarray, " N"]
     held: Float[np.ndarray, " N"]
     recovered: float
+    example: "Followed"
 
     @property
     def ratio(self) -> float:
@@ -99,20 +117,23 @@ def online(seeds: int = 20) -> Online:
     def error(found: np.ndarray) -> float:
         return float(np.median(np.linalg.norm(found / truth - 1.0, axis=1)))
 
-    b, a = parameters[:, rows:, 2], parameters[:, rows:, 4]
-    gain, right = b / a, DROP * NUM[-1] / DEN[-1]
-    gradient = np.zeros((*gain.shape, 5))
-    gradient[..., 2], gradient[..., 4] = 1.0 / a, -gain / a
-    std = np.sqrt(np.einsum("kni,knij,knj->kn", gradient, covariance[:, rows:], gradient))
-    off = np.abs(gain / right - 1.0)
-    late = np.flatnonzero(np.mean(off < 0.05, axis=0) < 0.9)
+    b, a = parameters[..., 2], parameters[..., 4]
+    t, before = PAPER_DT * np.arange(-rows, after), NUM[-1] / DEN[-1]
+    every, right = b / a, np.where(t < 0.0, before, DROP * before)
+    gradient = np.zeros((*every.shape, 5))
+    gradient[..., 2], gradient[..., 4] = 1.0 / a, -every / a
+    stds = np.sqrt(np.einsum("kni,knij,knj->kn", gradient, covariance, gradient))
+    gain, std = every[:, rows:], stds[:, rows:]
+    off = np.abs(gain / right[rows:] - 1.0)
+    late = np.flatnonzero(np.mean(off < WITHIN, axis=0) < 0.9)
     return Online(
         error(np.asarray(offline)),
         error(parameters[:, rows - 1]),
-        PAPER_DT * np.arange(after),
+        t[rows:],
         np.median(off, axis=0),
-        np.mean(np.abs(gain - right) < 1.96 * std, axis=0),
+        np.mean(np.abs(gain - right[rows:]) < 1.96 * std, axis=0),
         PAPER_DT * float(late[-1] + 1 if late.size else 0),
+        Followed(t, right, every[0], stds[0]),
     )
 
 
@@ -180,13 +201,20 @@ class Outage:
 
     Attributes:
         seconds: of the outage.
+        drives: how many.
         error: model -> median position error at its end, m.
+        low, high: model -> between which the middle 95 % of these errors lie, m.
         nees: model -> mean normalised error squared of the pose there; 3 if consistent.
+        nees_bounds: between which that mean of a consistent filter is found, 95 %.
     """
 
     seconds: float
+    drives: int
     error: dict[str, float]
+    low: dict[str, float]
+    high: dict[str, float]
     nees: dict[str, float]
+    nees_bounds: tuple[float, float]
 
 
 def outages(seeds: int = 60, lengths: Sequence[float] = OUTAGES) -> list[Outage]:
@@ -232,15 +260,27 @@ def outages(seeds: int = 60, lengths: Sequence[float] = OUTAGES) -> list[Outage]
         row = np.arange(rows)
         gone = (row >= begin) & (row < begin + round(seconds / dt))
         seen, end = (row % 10 == 0) & ~gone, begin + round(seconds / dt) - 1
-        apart, nees = {}, {}
+        apart: dict[str, np.ndarray] = {}
+        nees: dict[str, float] = {}
         for name, vehicle in models.items():
             fused = _fuse_all(vehicle, v_cmd, delta_cmd, measured, seen, errors[name], sensor)
             off = np.asarray(fused.poses)[:, end, :2] - truth[:, end, :2]
-            apart[name] = float(np.median(np.hypot(*off.T)))
+            apart[name] = np.quantile(np.hypot(*off.T), [0.5, 0.025, 0.975])
             score = jax.vmap(Fused.nees)(fused, jnp.asarray(truth))
             nees[name] = float(np.mean(np.asarray(score)[:, end]))
-        found.append(Outage(seconds, apart, nees))
+        error, low, high = ({n: float(q[i]) for n, q in apart.items()} for i in range(3))
+        found.append(Outage(seconds, seeds, error, low, high, nees, _nees_bounds(seeds)))
     return found
+
+
+def _nees_bounds(drives: int) -> tuple[float, float]:
+    """Middle 95 % of the mean of so many chi-squared numbers of three degrees of freedom, by Wilson
+    and Hilferty (1931)."""
+    k = 3.0 * drives
+    low, high = (
+        3.0 * (1.0 - 2.0 / (9.0 * k) + z * (2.0 / (9.0 * k)) ** 0.5) ** 3 for z in (-1.96, 1.96)
+    )
+    return low, high
 
 
 @jax.jit

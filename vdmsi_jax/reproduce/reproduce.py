@@ -3,8 +3,10 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ..diagnose import Diagnosis, diagnose
+from ..files import read_json, write_json
 from ..model_file import Model
 from ..models.vehicle import Vehicle
 from ..testbed import write_log
@@ -25,6 +27,9 @@ from .logs import (
 )
 from .open_loop import OpenLoop, open_loop
 
+NAMED = "diagnosis.json"
+"""File beside the logs of a car: the diagnosis whose extended model drove without sensors."""
+
 KEYS = {"VDM": "vdm", "VDM-SI": "vdm_si", "extended": "extended"}
 """How models are called in names of files and keys."""
 
@@ -39,6 +44,8 @@ class Experiments:
         diagnosis: what else is wrong with it, from driving that is neither steps nor a course.
         open_loop: table 3, by course.
         closed_loop: figure 7, by course and model.
+        driven_with: what was known of the car when the closed loop was driven, as `named` tells it;
+            None if that was not kept.
     """
 
     trim: Trim
@@ -46,11 +53,31 @@ class Experiments:
     diagnosis: Diagnosis
     open_loop: Mapping[str, OpenLoop]
     closed_loop: Mapping[str, Mapping[str, ClosedLoop]]
+    driven_with: Mapping[str, Any] | None = None
 
     @property
     def extended(self) -> Model | None:
         """The model with the causes that the diagnosis named, if it named any."""
         return extended_model(self.diagnosis)
+
+
+def named(diagnosis: Diagnosis) -> dict[str, Any]:
+    """What was found, as plain numbers with their units."""
+    return {
+        "verdict": diagnosis.verdict,
+        "summary": diagnosis.summary,
+        "findings": [
+            {
+                "cause": finding.cause,
+                "where": finding.where,
+                "parameters": {
+                    name: {"value": own.value, "std": own.std, "unit": own.unit}
+                    for name, own in finding.parameters.items()
+                },
+            }
+            for finding in diagnosis.findings
+        ],
+    }
 
 
 def extended_model(diagnosis: Diagnosis) -> Model | None:
@@ -92,6 +119,8 @@ def _one(trim: Trim, folder: Path, engine: bool, told: Callable[[str], None]) ->
     found = identify_actuators([logs[name] for name in STEPS])
     told(f"diagnosing the {trim.name} car")
     diagnosis = diagnose([logs[name] for name in DRIVES])
+    if engine:
+        write_json(folder / NAMED, named(diagnosis))
     extended = extended_model(diagnosis)
     models = {"VDM": found.model.to_vehicle(dynamics=False), "VDM-SI": found.model.to_vehicle()}
     if extended is not None:
@@ -103,7 +132,9 @@ def _one(trim: Trim, folder: Path, engine: bool, told: Callable[[str], None]) ->
         drives = logs[course.name], logs[start_name(course)]
         opened[course.name] = open_loop(course, *drives, models, acceleration)
         closed[course.name] = _closed(trim, folder, course, models, engine, told)
-    return Experiments(trim, found, diagnosis, opened, closed)
+    kept = folder / NAMED
+    driven_with = read_json(kept) if kept.is_file() else None
+    return Experiments(trim, found, diagnosis, opened, closed, driven_with)
 
 
 def _closed(

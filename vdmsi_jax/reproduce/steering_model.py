@@ -219,6 +219,41 @@ def explanations(rows: list[Absorbed], *, seeds: int = _SEEDS) -> list[Absorbed]
     return found
 
 
+@dataclass(frozen=True)
+class Alike:
+    """A steering with a fault beside the paper's model, under the same command.
+
+    Attributes:
+        fault: which explains that model.
+        t: (N,) s.
+        command, sound, faulty, paper: (N,) rad; `sound` is the steering without the fault.
+    """
+
+    fault: str
+    t: Float[np.ndarray, " N"]
+    command: Float[np.ndarray, " N"]
+    sound: Float[np.ndarray, " N"]
+    faulty: Float[np.ndarray, " N"]
+    paper: Float[np.ndarray, " N"]
+
+
+def alike(row: Absorbed) -> Alike:
+    """The steps of the first seed, as a steering with this fault answers them and as the paper's
+    model of table 2 does.
+
+    Args:
+        row: one of the `explanations`.
+    """
+    fault = next(fault for fault in FAULTS if fault.name == row.fault)
+    levels, dwell = EXCITATIONS[row.excitation], (1.0, 3.0)
+    u = jnp.asarray(random_steps(levels, dwell=dwell, duration=PAPER_DURATION, dt=PAPER_DT, seed=0))
+    t = PAPER_DT * jnp.arange(u.shape[0])
+    sound = TransferFunction(NUM[:2], DEN[:2]).simulate(u, PAPER_DT).y
+    faulty = fault.act(sound, u, t, jnp.asarray(row.size))
+    paper = TransferFunction(NUM, DEN).simulate(u, PAPER_DT, jnp.zeros(2)).y
+    return Alike(row.fault, *map(np.asarray, (t, u, sound, faulty, paper)))
+
+
 def _fit_all(u: Array, y: Array) -> tuple[Array, Array, Array]:
     """Slow pole (positive for a stable one), slow zero and the FIT of P1Z1 without and with offset
     and of P2Z2, for every seed."""
