@@ -78,7 +78,7 @@ def of_stage(search: Search, units: tuple[str, str]) -> list[Named]:
         rivals = []
         for k, lack in finding.others:
             other = search.stage.slots[k]
-            same = lack < MARGIN or other.cause == alike
+            same = k in finding.rivals or other.cause == alike
             rivals.append(Rival(other.cause, other.where, lack, same))
         found.append(
             Named(

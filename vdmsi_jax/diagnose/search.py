@@ -29,6 +29,7 @@ _FROM_SMALLER = 4  # candidates of the screens of smaller plants that are refitt
 _SMALL = ((1, 0), (2, 0), (2, 1), (3, 1))
 _MOST_CAUSES = 4
 _STEADY = 1.5  # standard errors over blocks that a second cause must be likelier by
+_APART = 1.7  # standard errors over blocks from which two causes are told apart
 _SWAPS = 3
 _SWAPPED = 2.0  # by which another cause must be better to take a place
 _RIVALS = 8  # that are told
@@ -47,6 +48,8 @@ class Finding:
         less: the final model without it, refitted.
         others: numbers of the effects that were tried in its place, with what they lack in twice
             the log-likelihood; those within `MARGIN` explain the data as well.
+        alike: those of them that lack more, but not from block to block of the data (Vuong,
+            Likelihood ratio tests for model selection and non-nested hypotheses, 1989).
         promised: what the screen had predicted for it.
     """
 
@@ -55,11 +58,12 @@ class Finding:
     less: Refit
     others: tuple[tuple[int, float], ...] = ()
     promised: float = 0.0
+    alike: tuple[int, ...] = ()
 
     @property
     def rivals(self) -> tuple[int, ...]:
         """The effects that explain the data as well."""
-        return tuple(k for k, lack in self.others if lack < MARGIN)
+        return tuple(k for k, lack in self.others if lack < MARGIN or k in self.alike)
 
 
 @dataclass(frozen=True, eq=False)
@@ -316,8 +320,9 @@ def _findings(
             for k, f in best.items()
             if stage.slots[k].cause != own.cause
         ]
-        rivals.sort(key=lambda pair: pair[1])
-        found.append(Finding(number, gain, less, tuple(rivals[:_RIVALS]), promised))
+        rivals = sorted(rivals, key=lambda pair: pair[1])[:_RIVALS]
+        alike = [k for k, _ in rivals if steadiness(stage, best[k], final) < _APART]
+        found.append(Finding(number, gain, less, tuple(rivals), promised, tuple(alike)))
     best_other = max(tried, key=lambda f: score(stage, f), default=None)
     return tuple(sorted(found, key=lambda f: -f.gain)), best_other
 
