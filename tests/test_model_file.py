@@ -12,6 +12,7 @@ import made_up
 from vdmsi_jax.compare import identified
 from vdmsi_jax.config import PlantSpec, VehicleGeometry
 from vdmsi_jax.effects import ACTUATOR, SENSOR, VEHICLE
+from vdmsi_jax.effects.road_grade import KNOTS
 from vdmsi_jax.effects.backlash import Backlash
 from vdmsi_jax.effects.base import AbstractEffect
 from vdmsi_jax.effects.offset import Offset
@@ -215,7 +216,7 @@ def extended():
         "effects": [
             {"cause": "backlash", "parameters": {"gap": 0.03}},
             {"cause": "saturation", "parameters": {"upper": 2}, "form": {"at": "command"}},
-            {"cause": "road_grade", "parameters": {"slope": [0.0, 0.01] * 4}},
+            {"cause": "road_grade", "parameters": {"slope": [0.0, 0.01] * (KNOTS // 2)}},
         ],
         "lead": 0.1,
     }
@@ -266,7 +267,7 @@ def first(document):
         ),
         (
             lambda d: d["plants"]["steering"]["effects"][2]["parameters"].update(slope=[0.1]),
-            "slope.*1 numbers.*give 8",
+            f"slope.*1 numbers.*give {KNOTS}",
         ),
         (
             lambda d: d["plants"]["steering"]["effects"][2].update(constants={"span": math.nan}),

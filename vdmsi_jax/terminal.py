@@ -142,7 +142,7 @@ def show_diagnosis(diagnosis: Diagnosis) -> None:
         _say(left_over(left))
     if diagnosis.minor:
         names = ", ".join(title(finding) for finding in diagnosis.minor)
-        _say(f"Significant, but worth next to nothing: {names}.")
+        _say(f"Significant, but small or not sure enough to be named: {names}.")
     for unseen in diagnosis.unseen:
         _say(unseen)
 

@@ -38,6 +38,11 @@ OF_DIAGNOSES = {  # tested in test_diagnosis_plots.py
     "innovations",
 }
 OF_THE_PAPER = {  # tested in tests/reproduce/test_document.py
+    "distribution",
+    "shares",
+    "tracking",
+    "outages",
+    "steering_explained",
     "step_inputs",
     "courses",
     "open_loop",

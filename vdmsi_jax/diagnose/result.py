@@ -246,7 +246,7 @@ class Diagnosis:
     Attributes:
         verdict: `no_effect`, `explained` or `unexplained_structure`.
         findings: causes that the evidence supports and that matter, the strongest first.
-        minor: causes that are significant and cost next to nothing.
+        minor: causes that are significant, but small, or not sure enough to be named.
         unexplained: structure that is left.
         baseline, model: identified plants without and with the causes.
         orders: by plant, the order of its baseline.

@@ -3,6 +3,9 @@
 from .result import Diagnosis, Finding
 
 
+_MOST = 3  # rivals that a sentence names
+
+
 def number(value: float) -> str:
     """Three significant digits."""
     return f"{value:.3g}"
@@ -34,7 +37,8 @@ def sentence(f: Finding) -> str:
             )
     close = [r for r in f.rivals if r.indistinguishable]
     if close:
-        names = " or ".join(title(r.cause) for r in close)
+        words = list(dict.fromkeys(title(r.cause) for r in close))
+        names = " or ".join(words[:_MOST] + ["others"] * (len(words) > _MOST))
         said.append(f"{names[:1].upper()}{names[1:]} cannot be told apart from these logs;")
         said[-1] += f" to separate them: {f.separating_experiment}."
     out = [r for r in f.rivals if not r.indistinguishable][:2]
@@ -60,7 +64,7 @@ def summary(d: Diagnosis) -> str:
         )
     if d.minor:
         names = ", ".join(title(f.cause) for f in d.minor)
-        said.append(f"Significant, yet worth next to nothing: {names}.")
+        said.append(f"Significant, yet small or not sure enough to be named: {names}.")
     for u in d.unexplained[:3]:
         on = ", ".join(u.depends_on)
         said.append(f"Unexplained in {u.channel}: {100 * u.fraction:.1f} % of what remains ({on}).")

@@ -330,7 +330,7 @@ def _remains(d: Diagnosis) -> list[Block]:
             for finding in d.minor
         ]  # fmt: skip
         header = ["cause", "size", "gain (points of FIT)", ""]
-        caption = "Significant, but worth next to nothing: these do not change the verdict."
+        caption = "Significant, but small or not sure enough to be named; the verdict is without them."
         blocks.append(Table(header, rows, caption=caption))
     return blocks
 
