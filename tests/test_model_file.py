@@ -12,10 +12,10 @@ import made_up
 from vdmsi_jax.compare import identified
 from vdmsi_jax.config import PlantSpec, VehicleGeometry
 from vdmsi_jax.effects import ACTUATOR, SENSOR, VEHICLE
-from vdmsi_jax.effects.road_grade import KNOTS
 from vdmsi_jax.effects.backlash import Backlash
 from vdmsi_jax.effects.base import AbstractEffect
 from vdmsi_jax.effects.offset import Offset
+from vdmsi_jax.effects.road_grade import KNOTS
 from vdmsi_jax.effects.sensor import SensorBias, SensorDelay
 from vdmsi_jax.errors import InputError
 from vdmsi_jax.files import write_json

@@ -2,7 +2,6 @@
 
 from .result import Diagnosis, Finding
 
-
 _MOST = 3  # rivals that a sentence names
 
 

@@ -330,7 +330,7 @@ def _remains(d: Diagnosis) -> list[Block]:
             for finding in d.minor
         ]  # fmt: skip
         header = ["cause", "size", "gain (points of FIT)", ""]
-        caption = "Significant, but small or not sure enough to be named; the verdict is without them."
+        caption = "Significant, but small or not sure enough to be named."
         blocks.append(Table(header, rows, caption=caption))
     return blocks
 
