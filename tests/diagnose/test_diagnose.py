@@ -1,6 +1,7 @@
 """The verb: what is hidden in logs is named, sized, and gained on drives that no fit has seen."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import jax
@@ -9,6 +10,8 @@ import pytest
 
 import vdmsi_jax as vj
 from hidden.generator import Case, generate
+from vdmsi_jax.diagnose.body import Body
+from vdmsi_jax.diagnose.body_fit import fit_body, robust
 from vdmsi_jax.diagnose.document import diagnosis_document
 
 DEMO = Path(__file__).parents[2] / "configs" / "demo" / "fault"
@@ -106,6 +109,21 @@ def test_a_steering_angle_that_was_not_logged_is_told_from_the_yaw_rate():
     found = vj.diagnose(records(drive, ("v_cmd", "delta_cmd", "v", "r")))
     assert [(f.cause, f.where) for f in found.findings] == [("backlash", "steering")]
     json.dumps(diagnosis_document(found), allow_nan=False)
+
+
+def test_a_body_whose_lag_stands_at_its_bound_has_its_fit_as_it_is():
+    n, dt = 1500, 0.02
+    rng = np.random.default_rng(2)
+    v, delta = (np.repeat(rng.uniform(*ends, n // 50), 50)[None] for ends in ((4, 8), (-0.1, 0.1)))
+    bicycle = vj.Bicycle(1.0, 1.0)
+    r = np.asarray(bicycle.yaw_rate(v, delta)) + 0.002 * rng.standard_normal((1, n))
+    here, nowhere = {"r": np.ones((1, n), bool)}, {"r": np.zeros((1, n), bool)}
+    zero = np.zeros((1, n))
+    body = Body(v, delta, zero, zero, {"r": r}, here, nowhere, bicycle, dt)
+    fit = fit_body(body, [()])[0]
+    bound = replace(fit, theta=np.where(np.arange(fit.theta.size) == 0, 0.0, fit.theta))
+    assert robust(body, bound) is bound
+    assert robust(body, fit).covariance.shape == fit.covariance.shape
 
 
 def test_logs_that_do_not_go_together_are_refused(logs):

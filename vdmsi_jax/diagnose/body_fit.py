@@ -9,10 +9,10 @@ from jaxtyping import Float
 from .body import CAUSES, NUISANCE, Body
 from .chain import regress
 from .colour import autoregression, filter_length, whiten
+from .windows import BLOCK, block_sums, widening
 
 _STEP = 1e-3
 _STEPS = 3  # of Gauss-Newton at one colour
-_BLOCK = 5.0  # s, over which errors count as independent
 _SETTLED = 0.05  # gain of twice the log-likelihood by a step after which a lane rests
 
 
@@ -237,24 +237,20 @@ def robust(body: Body, fit: BodyFit) -> BodyFit:
     lane = Lane.of(body, fit)
     low, high = bounds(body)
     inner = [k for k, i in enumerate(fit.free) if low[i] < fit.theta[i] < high[i]]
-    own = slopes(body, [lane], [[fit.free[k] for k in inner]])[0]
-    left, pulls = lane.left(), []
-    for c, rest in left.items():
-        w = lane.white(c, np.concatenate([rest[None], *(s[c][None] for s in own)]))
-        X = lane.white(c, body.chain.columns(lane.raw(lane.y))[c])
-        clean = w[1:] - np.stack([regress(X, row) for row in w[1:]]) @ X
-        blocks = max(1, int(w.shape[1] * body.dt / _BLOCK))
-        label = np.arange(w.shape[1]) * blocks // w.shape[1]
-        rows = clean * w[0] / lane.variance[c]
-        pulls.append(np.stack([np.bincount(label, row) for row in rows]))
-    sums = np.concatenate(pulls, axis=1)
-    if sums.shape[1] < 3 * len(inner):
+    if not inner:  # all of them held at their bounds
         return fit
-    covariance = fit.covariance[np.ix_(inner, inner)]
-    spread = np.diag(covariance @ (sums @ sums.T) @ covariance)
-    wider = np.ones(len(fit.free))
-    wider[inner] = np.sqrt(np.maximum(spread / np.maximum(np.diag(covariance), 1e-300), 1.0))
-    return replace(fit, covariance=fit.covariance * np.outer(wider, wider))
+    own = slopes(body, [lane], [[fit.free[k] for k in inner]])[0]
+    scores, columns = [], body.chain.columns(lane.raw(lane.y))
+    for c, rest in lane.left().items():
+        w = lane.white(c, np.concatenate([rest[None], *(s[c][None] for s in own)]))
+        X = lane.white(c, columns[c])
+        clean = w[1:] - np.stack([regress(X, row) for row in w[1:]]) @ X
+        blocks = max(1, int(w.shape[1] * body.dt / BLOCK))
+        scores.append(block_sums(clean * w[0] / lane.variance[c], blocks))
+    factors = np.ones(len(fit.free))
+    own_covariance = fit.covariance[np.ix_(inner, inner)]
+    factors[inner] = widening(own_covariance, np.concatenate(scores, axis=1))
+    return replace(fit, covariance=fit.covariance * np.outer(factors, factors))
 
 
 def slopes(

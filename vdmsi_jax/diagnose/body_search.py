@@ -113,7 +113,7 @@ def screen_body(body: Body, at: BodyFit) -> list[tuple[float, int, np.ndarray]]:
     return sorted(found, key=lambda f: -f[0])
 
 
-def _predict(body: Body, lane: "Lane", slopes: Sequence[dict]) -> tuple[float, np.ndarray]:
+def _predict(body: Body, lane: Lane, slopes: Sequence[dict]) -> tuple[float, np.ndarray]:
     """Gain of twice the log-likelihood by the best linear step, and the step."""
     normal, slope, stacks = lane.equations(slopes)
     own = np.diag(normal).copy()

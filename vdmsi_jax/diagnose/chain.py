@@ -11,6 +11,8 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float
 
+from .windows import moving_mean
+
 _TAPS = 2  # rows to each side at which an actuator's residual may act on the yaw rate
 _SLOW = 2.0  # s, over which a residual counts as slow
 
@@ -94,10 +96,7 @@ def bands(
     x: Float[np.ndarray, "R N"], dt: float
 ) -> tuple[Float[np.ndarray, "R N"], Float[np.ndarray, "R N"]]:
     """What is slow in a signal, its centred mean over some seconds, and the rest."""
-    half = max(1, round(0.5 * _SLOW / dt))
-    padded = np.pad(x, ((0, 0), (half, half)), mode="edge")
-    total = np.cumsum(np.pad(padded, ((0, 0), (1, 0))), axis=1)
-    slow = (total[:, 2 * half + 1 :] - total[:, : -2 * half - 1]) / (2 * half + 1)
+    slow = moving_mean(x, _SLOW, dt)
     return slow, x - slow
 
 

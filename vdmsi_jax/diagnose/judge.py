@@ -10,8 +10,8 @@ from jaxtyping import Bool, Float
 
 from .colour import whiten
 from .result import Gain
+from .windows import BLOCK, block_sums
 
-_BLOCK = 5.0  # s, over which errors count as independent
 _STEADY, _VERY_STEADY = 2.0, 3.0  # standard errors by blocks
 _MUCH, _NEARLY_ALL = 0.25, 0.9  # share of the squared error
 
@@ -74,7 +74,7 @@ def gain_of(scored: Scored, use: Bool[np.ndarray, "R N"], held_out: bool, dt: fl
     y = scored.y[use]
     before, after = (scored.y - scored.before)[use], (scored.y - scored.after)[use]
     fits = fit_percent(y, before), fit_percent(y, after)
-    blocks = max(2, min(60, int(use.sum() * dt / _BLOCK)))
+    blocks = max(2, min(60, int(use.sum() * dt / BLOCK)))
     label = np.arange(y.size) * blocks // y.size
     kept = [label != b for b in range(blocks)]
     changes = np.array([fit_percent(y[k], after[k]) - fit_percent(y[k], before[k]) for k in kept])
@@ -91,9 +91,8 @@ def confirmed(scored: Scored, use: Bool[np.ndarray, "R N"], dt: float) -> tuple[
         e = np.where(use, scored.y - simulated, 0.0)
         squares.append(whiten(e[None], scored.colour[None])[0][use] ** 2)
     before, after = (max(float(np.mean(s)), 1e-300) for s in squares)
-    blocks = max(2, int(use.sum() * dt / _BLOCK))
-    label = np.arange(squares[0].size) * blocks // squares[0].size
-    parts = np.bincount(label, (squares[0] - squares[1]) / after)
+    blocks = max(2, int(use.sum() * dt / BLOCK))
+    parts = block_sums((squares[0] - squares[1]) / after, blocks)
     return float(use.sum()) * float(np.log(before / after)), float(parts.var(ddof=1) * parts.size)
 
 

@@ -23,6 +23,7 @@ from .refit import (
     with_states,
 )
 from .stage import Stage
+from .windows import block_sums, widening
 
 
 def completed(stage: Stage, fits: Sequence[Refit]) -> list[Refit]:
@@ -44,40 +45,22 @@ def completed(stage: Stage, fits: Sequence[Refit]) -> list[Refit]:
         whole[used] = f.y
         for r in np.flatnonzero(~used):  # a start is no part of a model: it is told by its own run
             whole[r] = _begun(stage, lane, y[r], int(r))
-        found.append(
-            replace(
-                f, y=whole, simulated=y, covariance=_robust(stage, lane, counted, white, covariance)
-            )
-        )
+        covariance = _widened(stage, lane, counted, white, covariance)
+        found.append(replace(f, y=whole, simulated=y, covariance=covariance))
     return found
 
 
-def _robust(
-    stage: Stage,
-    lane: Lane,
-    counted: np.ndarray,
-    slopes: Float[np.ndarray, "p R N"],
+def _widened(
+    stage: Stage, lane: Lane, counted: np.ndarray, slopes: Float[np.ndarray, "p R N"],
     covariance: Float[np.ndarray, "p p"],
-) -> Float[np.ndarray, "p p"]:
-    """A covariance widened where blocks of the data disagree by more than their noise allows, as
-    they do where the form is not quite right.
-
-    Source: White, Maximum likelihood estimation of misspecified models (1982), by blocks.
-    """
-    left = residual(stage, with_states(stage, lane, counted))
-    white = whitened(left, lane, counted)
-    pulls = (slopes * white)[:, counted]
-    blocks = int(np.clip(counted.sum() // (BEYOND * lane.colour.size), 1, 200))
-    if blocks < 3 * len(slopes):
-        return covariance
-    label = np.arange(pulls.shape[1]) * blocks // pulls.shape[1]
-    sums = np.stack([np.bincount(label, row) for row in pulls])
+) -> Float[np.ndarray, "p p"]:  # fmt: skip
+    """A covariance with what blocks of the data tell of the form."""
+    white = whitened(residual(stage, with_states(stage, lane, counted)), lane, counted)
+    blocks, p = int(np.clip(counted.sum() // (BEYOND * lane.colour.size), 1, 200)), len(slopes)
     variance = max(float(np.sum(white**2)) / counted.sum(), 1e-300)
-    spread = covariance @ (sums @ sums.T) @ covariance / variance**2
-    spread *= blocks / (blocks - len(slopes))
-    ratio = np.diag(spread) / np.maximum(np.diag(covariance), 1e-300)
-    wider = np.sqrt(np.maximum(ratio, 1.0))
-    return covariance * np.outer(wider, wider)
+    scores = block_sums((slopes * white)[:, counted], blocks) / variance
+    factors = widening(covariance, scores * np.sqrt(blocks / max(blocks - p, 1)))
+    return covariance * np.outer(factors, factors)
 
 
 def _begun(stage: Stage, lane: Lane, y: np.ndarray, run: int) -> np.ndarray:
@@ -102,5 +85,5 @@ def steadiness(stage: Stage, less: Refit, more: Refit) -> float:
         parts.append(-0.5 * (np.log(f.variance) + white[counted] ** 2 / f.variance + slow))
     gained = parts[1] - parts[0]
     blocks = int(np.clip(gained.size // (BEYOND * less.colour.size), 4, 60))
-    sums = np.bincount(np.arange(gained.size) * blocks // gained.size, gained)
+    sums = block_sums(gained, blocks)
     return float(sums.sum() / max(np.sqrt(blocks) * sums.std(ddof=1), 1e-300))

@@ -16,12 +16,14 @@ from ..models.bicycle import Bicycle
 from .body import CHANNELS, WINDOW, Body, increments
 from .search import Search
 from .stage import Stage
+from .windows import moving_mean
 
 _SLOWEST_STEERED = 0.3  # m/s, below which a yaw rate tells no steering angle
 _LONGEST = 6000  # samples of a run that are simulated at once; longer ones are cut
 _MOST = 15_000  # samples that are looked at; of more, stretches spread over all of them are
 _STRETCH = 2000  # samples of such a stretch
 _MOST_RUNS = 24  # that are looked at
+_SMOOTH = 0.1  # s, over which a signal is averaged whose plant is not known
 _ROW = 0.02  # s, between rows of a vehicle's record
 _BLOCKS, _JUDGING = 10, (2, 5, 8)  # parts of a single run, and which of them are held out
 
@@ -309,7 +311,7 @@ def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
     smooth = {}
     for name, values, known in (("v", v, runs.seen("v")), ("delta", delta, angle[1])):
         search = searches.get(name)
-        model = _smoothed(values, runs.dt) if search is None else _tracked(search)
+        model = moving_mean(values, _SMOOTH, runs.dt) if search is None else _tracked(search)
         smooth[name] = np.where(known, model, values)
     behind = vehicle.rear_to_reference
     bicycle = Bicycle(vehicle.wheelbase - behind, behind)
@@ -324,14 +326,6 @@ def _tracked(search: Search) -> np.ndarray:
     final = search.final
     seen = search.stage.mask.any(axis=1, keepdims=True)
     return np.where(seen, final.y, final.simulated)
-
-
-def _smoothed(y: np.ndarray, dt: float) -> np.ndarray:
-    """A moving mean over a tenth of a second."""
-    half = max(1, round(0.05 / dt))
-    padded = np.pad(y, ((0, 0), (half, half)), mode="edge")
-    total = np.cumsum(np.pad(padded, ((0, 0), (1, 0))), axis=1)
-    return (total[:, 2 * half + 1 :] - total[:, : -2 * half - 1]) / (2 * half + 1)
 
 
 def _inside(runs: Runs) -> np.ndarray:

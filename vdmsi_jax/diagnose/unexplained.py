@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from .result import Unexplained
+from .windows import moving_mean
 
 _SHIFTS = 80
 _SURE = 5.0  # standard deviations of the shifted ones
@@ -88,10 +89,7 @@ def slow_error(
         mask: samples that were fitted.
         dt: sample period, s.
     """
-    half = max(1, round(0.5 * _SLOW / dt))
-    padded = np.pad(np.where(mask, residual, 0.0), ((0, 0), (half + 1, half)), mode="edge")
-    total = np.cumsum(padded, axis=1)
-    slow = (total[:, 2 * half :] - total[:, : -2 * half])[:, : residual.shape[1]] / (2 * half)
+    slow = moving_mean(np.where(mask, residual, 0.0), _SLOW, dt)
     size = float(np.sqrt(np.mean(slow[mask] ** 2)))
     fast = float(np.sqrt(np.mean(innovations[mask] ** 2)))
     values = response[mask]

@@ -78,7 +78,9 @@ class Evidence:
             for c in scores["baseline"]
         }
         serious = [u for u in left if u.fraction > _SERIOUS]
-        open_ = [u for u in serious if u.fraction > _MOSTLY and taken[u.channel] < _SETTLED]
+        open_ = [
+            u for u in serious if u.fraction > _MOSTLY and taken.get(u.channel, 0.0) < _SETTLED
+        ]
         verdict = "explained" if findings else "no_effect"
         if serious and (not findings or open_):
             verdict = "unexplained_structure"

@@ -1,0 +1,37 @@
+"""Means and sums over stretches of time: what is slow in a signal, and how steady a gain is."""
+
+import numpy as np
+from jaxtyping import Float
+
+BLOCK = 5.0
+"""Length of a stretch over which errors of a vehicle count as independent, s."""
+
+
+def moving_mean(x: Float[np.ndarray, "R N"], seconds: float, dt: float) -> Float[np.ndarray, "R N"]:
+    """Centred mean over some seconds, the ends repeated."""
+    half = max(1, round(0.5 * seconds / dt))
+    padded = np.pad(x, ((0, 0), (half, half)), mode="edge")
+    total = np.cumsum(np.pad(padded, ((0, 0), (1, 0))), axis=1)
+    return (total[:, 2 * half + 1 :] - total[:, : -2 * half - 1]) / (2 * half + 1)
+
+
+def block_sums(rows: Float[np.ndarray, "... n"], blocks: int) -> Float[np.ndarray, "... blocks"]:
+    """Sums over equal blocks of the last axis."""
+    n = rows.shape[-1]
+    starts = -(-np.arange(blocks) * n // blocks)  # where `k * blocks // n` first reaches each
+    return np.add.reduceat(rows, starts, axis=-1)
+
+
+def widening(
+    covariance: Float[np.ndarray, "p p"], scores: Float[np.ndarray, "p blocks"]
+) -> Float[np.ndarray, " p"]:
+    """Factors, one or more, by which standard deviations are too small where the scores of blocks
+    disagree by more than noise allows, as they do where a form is not quite right; ones where there
+    are too few blocks to tell.
+
+    Source: White, Maximum likelihood estimation of misspecified models (1982), by blocks.
+    """
+    if scores.shape[1] < 3 * len(scores):
+        return np.ones(len(scores))
+    spread = np.diag(covariance @ (scores @ scores.T) @ covariance)
+    return np.sqrt(np.maximum(spread / np.maximum(np.diag(covariance), 1e-300), 1.0))
