@@ -84,7 +84,7 @@ def speed_response(fit: Fit) -> SpeedResponse:
     variance = fit.covariance[at, at]
     gain = fit.covariance[:, at] / variance if variance > 0.0 else np.zeros(len(fit.parameters))
     parameters = fit.parameters - gain * fit.parameters[at]
-    covariance = fit.covariance - np.outer(gain, fit.covariance[at])
+    covariance = fit.covariance - gain[:, None] * fit.covariance[at]
     value = dict(zip(fit.parameter_names, parameters.tolist(), strict=True))
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     n, m = fit.n_poles, fit.n_zeros
