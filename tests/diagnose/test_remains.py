@@ -5,7 +5,7 @@ import pytest
 
 from vdmsi_jax.data.record import Record
 from vdmsi_jax.diagnose.chain import bands, regress
-from vdmsi_jax.diagnose.judge import Scored, Trial, confirmed
+from vdmsi_jax.diagnose.judge import Scored, Trial, confirmed, gain_of
 from vdmsi_jax.diagnose.prepare import lay_out
 from vdmsi_jax.diagnose.result import Gain
 from vdmsi_jax.diagnose.unexplained import slow_error
@@ -98,4 +98,20 @@ def test_a_gain_in_every_block_is_steadier_than_the_same_gain_in_one():
 )  # fmt: skip
 def test_a_name_must_take_more_where_much_is_left(share, steady, puzzling, named):
     gain = Gain("v", 90.0, 90.5, 10.0, 1.0, 0.9)
-    assert Trial(gain, 50.0, steady).believed(share, puzzling) is named
+    assert Trial(gain, 50.0, steady, fast=0.9).believed(share, puzzling) is named
+
+
+@pytest.mark.parametrize(
+    ("fast", "se", "named"), [(0.9, 1.0, True), (0.1, 1.0, False), (0.9, 9.0, False)]
+)
+def test_what_is_fast_does_not_stand_in_for_a_slow_error(fast, se, named):
+    gain = Gain("delta", 80.0, 88.0, se, 1.0, 0.4)
+    assert Trial(gain, 50.0, 1.0, fast).believed(0.6, puzzling=True) is named
+
+
+def test_one_event_does_not_outweigh_all_that_a_cause_explains():
+    before, after = np.full((1, T.size), 0.1), np.zeros((1, T.size))
+    after[:, :100] = 2.0
+    scored = Scored("v", RESPONSE, RESPONSE - before, RESPONSE - after, np.zeros(1))
+    gain = gain_of(scored, np.ones((1, T.size), bool), True, DT)
+    assert gain.after < gain.before and gain.typical > 0.99

@@ -1,11 +1,14 @@
 """What logs could have shown: the smallest size of each cause, and which causes look alike."""
 
+from dataclasses import replace
+
 import numpy as np
 
+from . import swing
 from .colour import whiten
 from .manoeuvres import better
 from .naming import told_unit
-from .refit import Refit, sensitivities
+from .refit import Refit, responses, sensitivities
 from .result import Detectable
 from .screen import absorbable
 from .stage import Stage
@@ -19,17 +22,17 @@ _ALIKE = 0.95
 def detectable(stage: Stage, at: Refit, units: tuple[str, str]) -> list[Detectable]:
     """Every cause that is not on: its first parameter at the smallest size that these logs would
     have shown, and the causes whose effects look alike."""
-    numbers, thetas = [], []
+    numbers, thetas, held = [], [], at.hypothesis
     for number in stage.allowed:
         slot = stage.slots[number]
-        if number in at.hypothesis.active or slot.cause == "periodic_disturbance":
+        if number in at.hypothesis.active or slot.cause == swing.CAUSE:
             continue
         probes = slot.effect.probes(stage.scales)
         theta = at.hypothesis.theta.copy()
         theta[list(slot.index)] = probes[min(1, len(probes) - 1)]
         numbers.append(number)
         thetas.append(theta)
-    y = stage.simulate(np.stack(thetas))
+    y = responses(stage, [replace(held, theta=theta) for theta in thetas])
     J = sensitivities(stage, [at.hypothesis], [at.simulated])[0]
     directions = np.where(stage.mask, y - at.simulated, 0.0)
     white = whiten(directions[None], at.colour[None])[0][:, stage.mask]

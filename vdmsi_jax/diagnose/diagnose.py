@@ -11,6 +11,7 @@ from ..config import PlantSpec, VehicleGeometry
 from ..data import check_excitation
 from ..data.record import Record
 from ..errors import InputError
+from ..programs import make_room
 from .body_search import search_body
 from .prepare import Runs, body_of, lay_out, slower, stage_of
 from .result import Diagnosis
@@ -37,6 +38,7 @@ def diagnose(
 
     Works in double precision, whatever the setting of JAX outside: paths are differenced here.
     """
+    make_room()
     with jax.enable_x64(True):
         return _diagnose(records, vehicle, told)
 

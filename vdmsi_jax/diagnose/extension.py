@@ -13,6 +13,7 @@ from ..model_file import Model, Plant
 from ..models.extended_plant import ExtendedPlant
 from ..models.transfer_function import TransferFunction
 from ..parameters import parameters
+from . import swing
 from .body import CAUSES
 from .body_search import BodySearch
 from .refit import Hypothesis
@@ -48,6 +49,11 @@ def extended_model(
         for slot in found.stage.slots:
             if slot.cause == "transport_delay":
                 theta[slot.index[0]] = max(theta[slot.index[0]] - late, 0.0)
+        frequency, number = h.frequency(found.stage), swing.number_of(found.stage, h.active)
+        if number is not None and frequency is not None and h.swing is not None:
+            size, phase, _ = swing.strength(found.stage, h.swing, frequency)
+            sine, cosine = found.stage.slots[number].index[1:]
+            theta[sine], theta[cosine] = size * np.cos(phase), size * np.sin(phase)
         effects = Unravel(found.stage.effects)(theta[LEAD + 1 :])
         on = tuple(effects[k] for k in h.active)
         substeps = found.stage.signals.substeps

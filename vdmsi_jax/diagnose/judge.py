@@ -10,10 +10,12 @@ from jaxtyping import Bool, Float
 
 from .colour import whiten
 from .result import Gain
-from .windows import BLOCK, block_sums
+from .windows import BLOCK, SLOW, block_sums, moving_mean
 
 _STEADY, _VERY_STEADY = 2.0, 3.0  # standard errors by blocks
-_MUCH, _NEARLY_ALL = 0.25, 0.9  # share of the squared error
+_MUCH, _MOST, _NEARLY_ALL = 0.25, 0.5, 0.9  # share of the squared error
+_USUAL = 0.75  # share of the blocks that get better
+_FAST = 0.5  # share of a change in what is not slow
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +40,12 @@ class Scored:
         before, after = (np.mean((self.y - y)[use] ** 2) for y in (self.before, self.after))
         return 1.0 - float(after) / max(float(before), 1e-300)
 
+    def fast(self, use: Bool[np.ndarray, "R N"], dt: float) -> float:
+        """Share of what the cause changes that is faster than a slow error."""
+        change = np.where(use, self.after - self.before, 0.0)
+        rest = change - moving_mean(change, SLOW, dt)
+        return float(np.sum(rest[use] ** 2)) / max(float(np.sum(change**2)), 1e-300)
+
 
 @dataclass(frozen=True)
 class Trial:
@@ -47,18 +55,22 @@ class Trial:
         gain: in the channel that it is worth most in.
         worth: twice the log-likelihood over all channels.
         steady: that in its standard errors by blocks; a wrong form gains here and loses there.
+        fast: see `Scored.fast`.
     """
 
     gain: Gain
     worth: float
     steady: float
+    fast: float
 
     def believed(self, share: float, puzzling: bool) -> bool:
         """Whether a cause that takes this share of the squared error is named: where much is left
-        that nothing explains, a name must take nearly all, or hold from block to block."""
+        that nothing explains, which is slow, a name must take nearly all, or hold from block to
+        block, or take most by what it does fast."""
         plain = (self.gain.after - self.gain.before) / max(self.gain.se, 1e-300)
         if puzzling:
-            return share > _NEARLY_ALL or self.steady > _VERY_STEADY
+            sharp = self.fast > _FAST and share > _MOST and plain > _VERY_STEADY
+            return sharp or share > _NEARLY_ALL or self.steady > _VERY_STEADY
         return share > _MUCH or max(self.steady, plain) > _STEADY
 
 
@@ -80,7 +92,10 @@ def gain_of(scored: Scored, use: Bool[np.ndarray, "R N"], held_out: bool, dt: fl
     changes = np.array([fit_percent(y[k], after[k]) - fit_percent(y[k], before[k]) for k in kept])
     se = float(np.sqrt((blocks - 1) / blocks * np.sum((changes - changes.mean()) ** 2)))
     mse = float(np.mean(before**2)), float(np.mean(after**2))
-    return Gain(scored.channel, *fits, se, *mse, held_out=held_out)
+    sums = [np.maximum(block_sums(e**2, blocks), 1e-300) for e in (before, after)]
+    parts = 1.0 - sums[1] / sums[0]
+    typical = float(np.median(parts)) if np.mean(parts > 0.0) >= _USUAL else 0.0
+    return Gain(scored.channel, *fits, se, *mse, held_out=held_out, typical=typical)
 
 
 def confirmed(scored: Scored, use: Bool[np.ndarray, "R N"], dt: float) -> tuple[float, float]:

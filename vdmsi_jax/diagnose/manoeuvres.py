@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .colour import whiten
-from .refit import Refit, sensitivities
+from .refit import Refit, responses, sensitivities
 from .stage import Stage
 
 NEEDED = 20.0
@@ -85,7 +85,7 @@ def separate(stage: Stage, final: Refit, number: int, rival: Refit) -> str:
         drive = replace(
             stage, u=u, mask=np.ones_like(stage.mask), held_out=np.zeros_like(stage.mask)
         )
-        y = drive.simulate(np.stack([final.hypothesis.theta, rival.hypothesis.theta]))
+        y = responses(drive, [final.hypothesis, rival.hypothesis])
         J = sensitivities(drive, [rival.hypothesis], [y[1]])[0]
         both = np.concatenate([(y[0] - y[1])[None], J])
         white = whiten(both[None], final.colour[None])[0]

@@ -6,13 +6,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from . import swing
 from .body import CAUSES
 from .body_fit import BodyFit
 from .body_search import BodyFinding, BodySearch
+from .colour import whiten
 from .refit import Refit
 from .result import Estimate, Rival
 from .search import MARGIN, Finding, Search
 from .stage import Slot
+
+_HALF = 0.5  # of a value, by which two that are one may differ, however uncertain they are
 
 _FORMS = {
     ("at", "command"): "of the command",
@@ -168,6 +172,8 @@ def estimates(
     """The parameters of a cause by the contract's names, with units."""
     free = list(fit.hypothesis.free(search.stage))
     told: dict[str, Estimate] = {}
+    if slot.cause == swing.CAUSE:
+        return _swinging(slot, fit, search, units)
     for j, (name, i, known) in enumerate(zip(slot.names, slot.index, slot.known, strict=True)):
         variance = fit.covariance[free.index(i), free.index(i)] if i in free else math.nan
         std = float(np.sqrt(variance)) if variance >= 0 else math.nan
@@ -179,6 +185,28 @@ def estimates(
     return _renamed(slot.cause, told)
 
 
+def _swinging(
+    slot: Slot, fit: Refit, search: Search, units: tuple[str, str]
+) -> dict[str, Estimate]:
+    """Frequency, amplitude and phase; the phase is that of the first run."""
+    stage, h = search.stage, fit.hypothesis
+    frequency, free = h.frequency(stage), list(h.free(stage))
+    assert frequency is not None and h.swing is not None
+    at = free.index(slot.index[0])
+    wave = whiten(swing.columns(stage, frequency)[None], fit.colour[None])[0]
+    amplitude, phase, first = swing.strength(stage, h.swing, frequency)
+    energies = np.array([0.5 * np.sum(wave[:, use] ** 2) for use in stage.mask])
+    own = math.sqrt(fit.variance / max(float(energies[first]), 1e-300))
+    whole = math.sqrt(fit.variance / max(float(energies.sum()), 1e-300))
+    std = math.sqrt(max(float(fit.covariance[at, at]), 0.0))
+    unit = told_unit(slot, 1, units)
+    return {
+        "frequency": Estimate(frequency, std, told_unit(slot, 0, units)),
+        "amplitude": Estimate(amplitude, whole, unit),
+        "phase": Estimate(phase, own / max(amplitude, 1e-300), "rad"),
+    }
+
+
 def _renamed(cause: str, told: dict[str, Estimate]) -> dict[str, Estimate]:
     if cause == "saturation":
         lower = told["lower"]
@@ -186,17 +214,6 @@ def _renamed(cause: str, told: dict[str, Estimate]) -> dict[str, Estimate]:
         return {k: e for k, e in told.items() if math.isfinite(e.value)}
     if cause == "rate_limit":
         return {k: e for k, e in told.items() if math.isfinite(e.value)}
-    if cause == "periodic_disturbance":
-        s, c = told["sine"], told["cosine"]
-        size = math.hypot(s.value, c.value)
-        std = math.sqrt((s.std * s.value) ** 2 + (c.std * c.value) ** 2) / max(size, 1e-300)
-        phase = math.atan2(c.value, s.value)
-        spread = math.sqrt((s.std * c.value) ** 2 + (c.std * s.value) ** 2) / max(size**2, 1e-300)
-        return {
-            "frequency": told["frequency"],
-            "amplitude": Estimate(size, std, s.unit),
-            "phase": Estimate(phase, spread, "rad"),
-        }
     if cause == "resonance":
         return {"frequency": told["frequency"], "damping": told["damping"], "weight": told["share"]}
     if cause == "coulomb_friction":
@@ -224,7 +241,9 @@ def merged(causes: list[Named]) -> list[Named]:
             if own is None or seen is None:
                 continue
             a, b = own.parameters[parameter], seen.parameters[parameter]
-            near = abs(a.value - sign * b.value) < max(0.35 * abs(a.value), 4.0 * (a.std + b.std))
+            away = abs(a.value - sign * b.value)
+            sure = min(4.0 * (a.std + b.std), _HALF * abs(a.value))
+            near = away < max(0.35 * abs(a.value), sure)
             if not near:
                 continue
             joint = replace(

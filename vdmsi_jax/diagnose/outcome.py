@@ -10,13 +10,14 @@ from .colour import whiten
 from .refit import (
     BEYOND,
     FREE_STATE,
+    Hypothesis,
     Lane,
     Refit,
-    bounded,
     inverse,
     project,
     repaint,
     residual,
+    responses,
     sensitivities,
     usable,
     whitened,
@@ -29,10 +30,10 @@ from .windows import block_sums, widening
 def completed(stage: Stage, fits: Sequence[Refit]) -> list[Refit]:
     """Fits to the runs of a stage in which something counts, with the responses of all its runs,
     and the covariances from differences at the optimum."""
-    thetas = np.stack([f.hypothesis.theta for f in fits])
     counted = usable(stage)
-    used = stage.mask.any(axis=1)
-    simulated = bounded(stage, stage.simulate(thetas))
+    used = np.asarray(stage.mask.any(axis=1))
+    fits = [replace(f, hypothesis=_over(f.hypothesis, used)) for f in fits]
+    simulated = responses(stage, [f.hypothesis for f in fits])
     slopes = sensitivities(stage, [f.hypothesis for f in fits], list(simulated))
     found = []
     for f, y, J in zip(fits, simulated, slopes, strict=True):
@@ -43,11 +44,25 @@ def completed(stage: Stage, fits: Sequence[Refit]) -> list[Refit]:
         covariance = inverse(project(stage, lane, counted, white)) * f.variance
         whole = y.copy()
         whole[used] = f.y
+        own = f.hypothesis.swing
         for r in np.flatnonzero(~used):  # a start is no part of a model: it is told by its own run
-            whole[r] = _begun(stage, lane, y[r], int(r))
+            states = _begun(stage, lane, y[r], int(r))
+            whole[r] = y[r] + lane.states @ states
+            if own is not None:
+                own[r] = states[-2:]
+                y[r] += lane.states[:, -2:] @ states[-2:]
         covariance = _widened(stage, lane, counted, white, covariance)
         found.append(replace(f, y=whole, simulated=y, covariance=covariance))
     return found
+
+
+def _over(h: Hypothesis, used: np.ndarray) -> Hypothesis:
+    """A hypothesis about the runs that were fitted, over all runs."""
+    if h.swing is None:
+        return h
+    swing = np.zeros((len(used), 2))
+    swing[used] = h.swing if len(h.swing) == used.sum() else h.swing[used]
+    return replace(h, swing=swing)
 
 
 def _widened(
@@ -64,12 +79,12 @@ def _widened(
 
 
 def _begun(stage: Stage, lane: Lane, y: np.ndarray, run: int) -> np.ndarray:
-    """The response of a run that no fit has seen, with the states at its start that fit best."""
+    """The states at the start of a run that no fit has seen that fit best."""
     use = stage.held_out[run]
     e = whiten(np.where(use, stage.y[run] - y, 0.0)[None, None], lane.colour[None])[0, 0]
     f = lane.white_states * use
     prior = float(np.mean(e[use] ** 2)) / (FREE_STATE * stage.scales.response) ** 2
-    return y + lane.states @ np.linalg.solve(f @ f.T + prior * np.eye(len(f)), f @ e)
+    return np.linalg.solve(f @ f.T + prior * np.eye(len(f)), f @ e)
 
 
 def steadiness(stage: Stage, less: Refit, more: Refit) -> float:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float
 
+from . import swing
 from .colour import autoregression, filter_length, whiten
 from .stage import LEAD, POLES, Stage
 
@@ -34,12 +35,14 @@ class Hypothesis:
         poles, zeros: order of the plant.
         active: numbers of the causes that are on.
         theta: the vector.
+        swing: sine and cosine of a periodic disturbance, each run's own; in `theta` they are off.
     """
 
     poles: int
     zeros: int
     active: tuple[int, ...]
     theta: Float[np.ndarray, " P"]
+    swing: Float[np.ndarray, "R 2"] | None = None
 
     def free(self, stage: Stage) -> np.ndarray:
         """Numbers of the free parameters."""
@@ -47,7 +50,17 @@ class Hypothesis:
         b = list(range(POLES + self.poles - 1 - self.zeros, POLES + self.poles))
         slots = [stage.slots[number] for number in self.active]
         lead = [LEAD] if self.poles > 1 and any(slot.forces for slot in slots) else []
-        return np.array(a + b + lead + [i for slot in slots for i in slot.index])
+        own = [i for s in slots for i in (s.index[:1] if s.cause == swing.CAUSE else s.index)]
+        return np.array(a + b + lead + own)
+
+    def size(self, stage: Stage) -> int:
+        """How many parameters it has, a swing's two among them."""
+        return len(self.free(stage)) + 2 * (self.frequency(stage) is not None)
+
+    def frequency(self, stage: Stage) -> float | None:
+        """Of the periodic disturbance, Hz; None where there is none."""
+        number = swing.number_of(stage, self.active)
+        return None if number is None else float(self.theta[stage.slots[number].index[0]])
 
     @property
     def order(self) -> str:
@@ -125,7 +138,8 @@ def refit(
         return []
     order = filter_length(stage.dt, int(stage.mask.sum()))
     counted = usable(stage)
-    start = bounded(stage, stage.simulate(np.stack([h.theta for h in hypotheses])))
+    hypotheses = [_begun(stage, h) for h in hypotheses]
+    start = responses(stage, hypotheses)
     lanes = [
         Lane(h, h.free(stage), y, _states(stage, h), np.zeros(order))
         for h, y in zip(hypotheses, start, strict=True)
@@ -147,6 +161,23 @@ def refit(
     return _finish(stage, lanes, counted)
 
 
+def _begun(stage: Stage, h: Hypothesis) -> Hypothesis:
+    """With a swing of each run where there is a periodic disturbance, and without where none."""
+    if h.frequency(stage) is None:
+        return h if h.swing is None else replace(h, swing=None)
+    return replace(h, swing=np.zeros((len(stage.u), 2))) if h.swing is None else h
+
+
+def responses(stage: Stage, hypotheses: Sequence[Hypothesis]) -> Float[np.ndarray, "L R N"]:
+    """What hypotheses answer to the commands."""
+    y = stage.simulate(np.stack([h.theta for h in hypotheses]))
+    for own, h in zip(y, hypotheses, strict=True):
+        frequency = h.frequency(stage)
+        if frequency is not None and h.swing is not None:
+            own += h.swing @ swing.columns(stage, frequency)
+    return bounded(stage, y)
+
+
 def usable(stage: Stage) -> np.ndarray:
     """Samples whose innovations count. Before the first of a run there is no past, so its
     innovation is the residual itself; without them nothing would hold the states at the start."""
@@ -154,7 +185,7 @@ def usable(stage: Stage) -> np.ndarray:
 
 
 def _states(stage: Stage, h: Hypothesis) -> np.ndarray:
-    """Response at the rows to each state at the first row."""
+    """Response at the rows to each state at the first row, and to a swing of each phase."""
     n = h.poles
     A = np.eye(n, k=1)
     A[:, 0] -= h.theta[:n]
@@ -164,7 +195,11 @@ def _states(stage: Stage, h: Hypothesis) -> np.ndarray:
         rows = np.concatenate([rows, rows @ power])
         power = power @ power
     rows = rows[:length]
-    return np.where(np.isfinite(rows) & (np.abs(rows) < 1e6), rows, 0.0)
+    rows = np.where(np.isfinite(rows) & (np.abs(rows) < 1e6), rows, 0.0)
+    frequency = h.frequency(stage)
+    if frequency is None:
+        return rows
+    return np.concatenate([rows, swing.columns(stage, frequency).T], axis=1)
 
 
 def _expm(M: np.ndarray) -> np.ndarray:
@@ -226,10 +261,10 @@ def sensitivities(
         size = np.where(h.theta[free] + size > high[free], -size, size)
         own = np.repeat(h.theta[None], len(free), axis=0)
         own[np.arange(len(free)), free] += size
-        shifted.append(own)
+        shifted += [replace(h, theta=theta) for theta in own]
         sizes.append(size)
     ends = np.cumsum([len(s) for s in sizes])[:-1]
-    moved = np.split(bounded(stage, stage.simulate(np.concatenate(shifted))), ends)
+    moved = np.split(responses(stage, shifted), ends)
     return [
         (new - old) / size[:, None, None] for new, old, size in zip(moved, y, sizes, strict=True)
     ]
@@ -261,10 +296,9 @@ def _advance(stage: Stage, lanes: list[Lane], counted: np.ndarray) -> None:
             step = np.linalg.solve(unit + lane.damping * factor * np.eye(len(unit)), rhs) / scale
             new = theta.copy()
             new[lane.free] = np.clip(theta[lane.free] + step, low[lane.free], high[lane.free])
-            trials.append(new)
+            trials.append(replace(lane.hypothesis, theta=new))
     tried = len(_DAMPINGS)
-    answers = bounded(stage, stage.simulate(np.stack(trials)))
-    answers = answers.reshape(len(lanes), tried, *stage.y.shape)
+    answers = responses(stage, trials).reshape(len(lanes), tried, *stage.y.shape)
     colours = np.stack([lane.colour for lane in lanes])
     errors = whiten(residual(stage, answers), colours) * counted
     for i, lane in enumerate(lanes):
@@ -273,7 +307,7 @@ def _advance(stage: Stage, lanes: list[Lane], counted: np.ndarray) -> None:
         serves = lane.drift < _HELPS
         if costs[best] < lane.cost:
             gained = (lane.cost - costs[best]) / lane.cost * counted.sum()
-            theta = trials[tried * i + best]
+            theta = trials[tried * i + best].theta
             _move(stage, lane, scales[i], theta, answers[i, best], errors[i, best])
             lane.settled = bool(gained < _SETTLED) and serves
             lane.drift += gained
@@ -322,11 +356,24 @@ def _recolour(stage: Stage, lanes: list[Lane], counted: np.ndarray) -> None:
     """Estimate the colour of every lane's residual, free states taken out."""
     for lane in lanes:
         repaint(stage, lane, counted)
+        _swung(stage, lane, counted)
     left = np.stack([residual(stage, with_states(stage, lane, counted)) for lane in lanes])
     colours = autoregression(left, stage.mask, lanes[0].colour.size)
     for lane, colour in zip(lanes, colours, strict=True):
         lane.colour = colour
         repaint(stage, lane, counted)
+
+
+def _swung(stage: Stage, lane: Lane, counted: np.ndarray) -> None:
+    """Give each run the swing that fits it best."""
+    h, frequency = lane.hypothesis, lane.hypothesis.frequency(stage)
+    if frequency is None or h.swing is None:
+        return
+    more = _free_states(stage, lane, counted)[:, -2:]
+    lane.hypothesis = replace(h, swing=h.swing + more)
+    lane.y = lane.y + more @ swing.columns(stage, frequency)
+    lane.slopes = lane.white_slopes = None
+    repaint(stage, lane, counted)
 
 
 def repaint(stage: Stage, lane: Lane, counted: np.ndarray) -> None:
@@ -339,12 +386,17 @@ def repaint(stage: Stage, lane: Lane, counted: np.ndarray) -> None:
 
 def with_states(stage: Stage, lane: Lane, counted: np.ndarray) -> Float[np.ndarray, "R N"]:
     """A lane's response with the free response of the states at the starts that fit best."""
+    return lane.y + _free_states(stage, lane, counted) @ lane.states.T
+
+
+def _free_states(stage: Stage, lane: Lane, counted: np.ndarray) -> Float[np.ndarray, "R n"]:
+    """The states at the start of each run that fit best."""
     prior = _prior(stage, lane, counted) * np.eye(len(lane.white_states))
-    y = lane.y.copy()
+    found = []
     for r, use in enumerate(counted):
         f = lane.white_states * use
-        y[r] += lane.states @ np.linalg.solve(f @ f.T + prior, f @ lane.white_error[r])
-    return y
+        found.append(np.linalg.solve(f @ f.T + prior, f @ lane.white_error[r]))
+    return np.stack(found)
 
 
 def inverse(normal: np.ndarray) -> np.ndarray:

@@ -1,6 +1,7 @@
 """The path that a model drives, for the translation error that a cause costs."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -8,7 +9,7 @@ from .body import travel
 from .body_search import BodySearch
 from .naming import Named, without
 from .prepare import Runs
-from .refit import Hypothesis
+from .refit import Hypothesis, responses
 from .result import Path
 from .search import Search
 
@@ -127,4 +128,5 @@ def only(search: Search, kept: tuple[int, ...]) -> np.ndarray:
         if number not in kept:
             index = list(search.stage.slots[number].index)
             theta[index] = search.stage.off[index]
-    return search.stage.simulate(theta[None])[0]
+    left = replace(h, active=tuple(k for k in h.active if k in kept), theta=theta)
+    return responses(search.stage, [left])[0]

@@ -5,21 +5,20 @@ what the hypothesis itself could absorb is projected out, and the colour of the 
 anew for each. The answer ranks candidates; only refits decide.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
+from . import swing
 from .colour import predicted, spectrum, whiten
-from .refit import Refit, bounded, sensitivities, usable
+from .refit import Refit, responses, sensitivities, usable
 from .stage import Stage
 
 _LARGEST = 3.0  # a probe may be scaled by so much when its size is estimated
 _TOGETHER = 32  # directions that are judged at once
 RAGGED = ("quantization", "regime_change")
 """Causes whose likelihood has many maxima."""
-
-_PEAKS = 3  # of the residual's spectrum that are tried as periodic disturbances
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,11 +29,13 @@ class Candidate:
         number: of the effect in its stage.
         gain: twice the log-likelihood that it is predicted to gain.
         theta: vector to start a refit from.
+        swing: as in `Hypothesis`.
     """
 
     number: int
     gain: float
     theta: Float[np.ndarray, " P"]
+    swing: Float[np.ndarray, "R 2"] | None = None
 
 
 def screen(stage: Stage, at: Refit, fine: bool = True) -> list[Candidate]:
@@ -45,27 +46,29 @@ def screen(stage: Stage, at: Refit, fine: bool = True) -> list[Candidate]:
         at: the hypothesis that is to be extended.
         fine: try those whose likelihood is ragged on a finer grid, too.
     """
-    base = at.hypothesis.theta
-    numbers, thetas = [], []
+    numbers, tried = [], []
     for number in stage.allowed:
         if number in at.hypothesis.active:
             continue
         slot = stage.slots[number]
-        probes = slot.effect.probes(stage.scales)
-        if slot.cause == "periodic_disturbance":
-            probes = _peaks(stage, at)
-        for probe in probes:
-            theta = base.copy()
+        options = [(probe, at.hypothesis.swing) for probe in slot.effect.probes(stage.scales)]
+        if slot.cause == swing.CAUSE:
+            e = np.where(stage.mask, stage.y - at.y, 0.0)
+            white = whiten(e[None], at.colour[None])[0] * usable(stage)
+            options = [((f, 0.0, 0.0), own) for f, own in swing.peaks(stage, e, white)]
+        for probe, own in options:
+            theta = at.hypothesis.theta.copy()
             theta[list(slot.index)] = probe
+            active = (*at.hypothesis.active, number)
             numbers.append(number)
-            thetas.append(theta)
-    y = bounded(stage, stage.simulate(np.stack(thetas)))
+            tried.append(replace(at.hypothesis, active=active, theta=theta, swing=own))
+    y = responses(stage, tried)
     ground = _Ground(stage, at)
     gains = ground.explained(y - at.simulated)
     best: dict[int, Candidate] = {}
-    for number, theta, gain in zip(numbers, thetas, gains, strict=True):
+    for number, h, gain in zip(numbers, tried, gains, strict=True):
         if number not in best or gain > best[number].gain:
-            best[number] = Candidate(number, float(gain), theta)
+            best[number] = Candidate(number, float(gain), h.theta, h.swing)
     stepped = [n for n in best if fine and stage.slots[n].cause in RAGGED]
     for n in stepped:
         best[n] = _finer(stage, ground, best[n])
@@ -81,11 +84,12 @@ def _finer(stage: Stage, ground: "_Ground", found: Candidate) -> Candidate:
         thetas = np.repeat(found.theta[None], 32, axis=0)
         around = stage.scales.duration if moment else found.theta[i]
         thetas[:, i] += np.linspace(-width, width, 32) * around
-        y = bounded(stage, stage.simulate(thetas))
+        tried = [replace(ground.at.hypothesis, theta=theta) for theta in thetas]
+        y = responses(stage, tried)
         gains = ground.explained(y - ground.at.simulated, fixed=not moment)
         k = int(np.argmax(gains))
         if gains[k] > found.gain:
-            found = Candidate(found.number, float(gains[k]), thetas[k])
+            found = replace(found, gain=float(gains[k]), theta=thetas[k])
     return found
 
 
@@ -144,20 +148,3 @@ def absorbable(stage: Stage, at: Refit, J: np.ndarray) -> Float[np.ndarray, "q R
     columns = np.where(stage.mask, columns, 0.0)
     size = np.sqrt(np.mean(columns**2, axis=(1, 2)))
     return columns[size > 0] / size[size > 0, None, None]
-
-
-def _peaks(stage: Stage, at: Refit) -> list[tuple[float, float, float]]:
-    """The strongest lines in the spectrum of the residual, all runs in phase."""
-    e = np.where(stage.mask, stage.y - at.y, 0.0)
-    white = whiten(e[None], at.colour[None])[0] * usable(stage)
-    size = 1 << (2 * e.shape[1]).bit_length()
-    power = np.abs(np.fft.rfft(white.sum(axis=0), size)) ** 2
-    lines = np.fft.rfft(e.sum(axis=0), size) * 2.0 / max(stage.mask.sum(), 1)
-    frequency = np.fft.rfftfreq(size, stage.dt)
-    power[frequency < 1.5 / stage.scales.duration] = 0.0
-    found = []
-    for _ in range(_PEAKS):
-        k = int(np.argmax(power))
-        found.append((float(frequency[k]), float(-lines[k].imag), float(lines[k].real)))
-        power[max(0, k - 8) : k + 9] = 0.0
-    return found

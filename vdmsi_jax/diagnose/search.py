@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .outcome import completed, steadiness
-from .refit import Hypothesis, Refit, refit
+from .refit import Hypothesis, Refit, refit, responses
 from .screen import RAGGED, Candidate, screen
 from .stage import LEAD, POLES, Stage
-from .starts import bent, first_order, late, mirrored, nested, ringing, scanned
+from .starts import backward, bent, first_order, late, mirrored, nested, ringing, scanned, waiting
 
 ORDERS = ((1, 0), (2, 0), (2, 1), (3, 0), (3, 1), (3, 2), (4, 1), (4, 2), (4, 3))
 """Orders that a baseline may have. The plant comes first: a missing pole must not be called a
@@ -19,6 +19,10 @@ delay."""
 ORDER_COST = 10.0  # of each coefficient of the plant, in twice the log-likelihood
 CAUSE_COST = 20.0  # of a cause, beside
 PARAMETER_COST = 8.0  # of each of its parameters
+BACKWARD_COST = CAUSE_COST + PARAMETER_COST
+"""Of zeros in the right half plane: an actuator that first moves the wrong way is a delay told by
+a rational function, and pays as one."""
+PHASE_COST = 4.0  # of what swings, in each further run
 MARGIN = 7.5
 """Two explanations whose log-likelihoods differ by less than half of this are not told apart: with
 it the truth stands in the set in 99.7 % of cases."""
@@ -91,7 +95,9 @@ def price(stage: Stage, h: Hypothesis) -> float:
     """What a hypothesis must gain in twice the log-likelihood to be worth its parameters."""
     slots = [stage.slots[number] for number in h.active]
     causes = sum(CAUSE_COST + PARAMETER_COST * slot.weight for slot in slots)
-    return ORDER_COST * (h.poles + h.zeros + 1) + causes
+    phases = 0 if h.swing is None else len(h.swing) - 1  # beyond the one that is counted
+    wrong = BACKWARD_COST * bool(backward(h).size)
+    return ORDER_COST * (h.poles + h.zeros + 1) + PHASE_COST * phases + wrong + causes
 
 
 def score(stage: Stage, fit: Refit) -> float:
@@ -216,7 +222,7 @@ def _promising(stage: Stage, starts: Sequence[Hypothesis], kept: int = 2) -> lis
     """The starts of each order whose responses come closest as they stand, gain left open."""
     if len(starts) <= kept:
         return list(starts)
-    y = stage.simulate(np.stack([h.theta for h in starts]))[:, stage.mask]
+    y = responses(stage, starts)[:, stage.mask]
     seen = stage.y[stage.mask]
     errors = np.sum((y - seen) ** 2, axis=1)
     picked: dict[tuple, list[int]] = {}
@@ -247,7 +253,8 @@ def _best_of_each(fits: Sequence[Refit]) -> list[Refit]:
 def joined(h: Hypothesis, candidate: Candidate) -> Hypothesis:
     theta = candidate.theta.copy()
     theta[: LEAD + 1] = h.theta[: LEAD + 1]
-    return Hypothesis(h.poles, h.zeros, tuple(sorted({*h.active, candidate.number})), theta)
+    active = tuple(sorted({*h.active, candidate.number}))
+    return replace(h, active=active, theta=theta, swing=candidate.swing)
 
 
 def _smaller(stage: Stage, grid: Mapping[tuple[int, int], Refit], plain: Refit) -> list[Refit]:
@@ -269,7 +276,7 @@ def _cleared(stage: Stage, h: Hypothesis, keep: Iterable[int] = ()) -> np.ndarra
 
 def _without(stage: Stage, h: Hypothesis, number: int) -> Hypothesis:
     kept = tuple(k for k in h.active if k != number)
-    return Hypothesis(h.poles, h.zeros, kept, _cleared(stage, h, kept))
+    return replace(h, active=kept, theta=_cleared(stage, h, kept))
 
 
 def _eliminate(stage: Stage, now: Refit, seen: dict[tuple, Refit]) -> Refit:
@@ -314,9 +321,9 @@ def _findings(
             if other not in best or score(stage, f) > score(stage, best[other]):
                 best[other] = f
         tried += best.values()
-        size = len(final.hypothesis.free(stage))
+        size = final.hypothesis.size(stage)
         rivals = [
-            (k, 2.0 * (final.loglik - f.loglik) + 2.0 * (len(f.hypothesis.free(stage)) - size))
+            (k, 2.0 * (final.loglik - f.loglik) + 2.0 * (f.hypothesis.size(stage) - size))
             for k, f in best.items()
             if stage.slots[k].cause != own.cause
         ]
@@ -330,7 +337,8 @@ def _findings(
 def _afresh(stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]) -> list[Refit]:
     """Fits of causes that are not reached from the best plain plant."""
     plants = [plain, *_smaller(stage, grid, plain)[:1]]
-    starts = [*bent(stage, grid[1, 0]), *(h for at in plants for h in scanned(stage, at))]
+    starts = [*bent(stage, grid[1, 0]), *waiting(stage, plain, grid)]
+    starts += [h for at in plants for h in scanned(stage, at)]
     fits = refit(stage, starts)
     return _best_of_each([*fits, *refit(stage, mirrored(stage, fits))])
 

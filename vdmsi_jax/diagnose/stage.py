@@ -126,10 +126,9 @@ class Stage:
                     [np.median(np.abs(c[c != 0])) if np.any(c != 0) else 1.0 for c in probes.T]
                 )
                 size[list(slot.index)] = typical
-        periodic = [s for s in self.slots if s.cause == "periodic_disturbance"]
-        for slot in periodic:
-            noise = self.scales.noise
-            size[list(slot.index)] = [1.0 / self.scales.duration, noise, noise]
+        for slot in self.slots:
+            if slot.cause == "periodic_disturbance":  # a difference must not turn it over
+                size[slot.index[0]] = 1.0 / self.scales.duration
         return size
 
     def on(self, theta: Float[np.ndarray, "L P"]) -> Bool[np.ndarray, "L effects"]:

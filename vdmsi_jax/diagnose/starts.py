@@ -1,6 +1,6 @@
 """Where refits start: plants with more poles or fewer, and causes that no small step leads to."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +11,7 @@ from .stage import POLES, Stage
 
 _STATIC = ("saturation", "dead_zone", "gain_nonlinearity", "gain_asymmetry")
 _TWO_SIDED = ("saturation", "rate_limit")
+_BEHIND = ((2, 0), (2, 1), (3, 1), (3, 2))  # orders that may lie behind a delay
 _TIMES = 48  # moments that are tried
 _SMALLEST, _WIDEST = 0.02, 0.25  # steps that are tried, of the command's range
 _CHANGE = 0.1  # of gain, to try moments with
@@ -77,6 +78,29 @@ def late(stage: Stage, plain: Refit, order: tuple[int, int]) -> Iterable[Hypothe
     yield Hypothesis(h.poles, h.zeros, (number,), theta)
 
 
+def backward(h: Hypothesis) -> np.ndarray:
+    """Zeros of a plant in the right half plane, in its unit of frequency."""
+    zeros = np.roots(h.theta[POLES + h.poles - 1 - h.zeros : POLES + h.poles])
+    return zeros[zeros.real > 0.0]
+
+
+def waiting(
+    stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]
+) -> Iterable[Hypothesis]:
+    """Plants with a delay for one that tells it by zeros in the right half plane. A Pade
+    approximation has twice the delay that its zeros amount to, and a low one falls short of it."""
+    amounts = float(np.sum(np.real(1.0 / backward(plain.hypothesis)))) / stage.pace
+    if amounts <= 0.0:
+        return
+    number = next(i for i, s in enumerate(stage.slots) if s.cause == "transport_delay")
+    for order in [o for o in _BEHIND if o in grid]:
+        for factor in (1.0, 2.0):
+            h = grid[order].hypothesis
+            theta = h.theta.copy()
+            theta[stage.slots[number].index[0]] = factor * amounts
+            yield replace(h, active=(number,), theta=theta)
+
+
 def ringing(stage: Stage, plain: Refit) -> list[Hypothesis]:
     """The plain plant with its lightly damped poles, and the zeros nearest to them, told as a
     resonance."""
@@ -137,7 +161,7 @@ def plant(h: Hypothesis, stage: Stage, den: np.ndarray, num: np.ndarray) -> Hypo
     poles, zeros = len(den) - 1, len(num) - 1
     theta[:poles] = den[1:]
     theta[POLES + poles - 1 - zeros : POLES + poles] = num
-    return Hypothesis(poles, zeros, h.active, theta)
+    return replace(h, poles=poles, zeros=zeros, theta=theta)
 
 
 def mirrored(stage: Stage, fits: Sequence[Refit]) -> list[Hypothesis]:

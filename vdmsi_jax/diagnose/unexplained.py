@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from .result import Unexplained
-from .windows import moving_mean
+from .windows import SLOW, moving_mean
 
 _SHIFTS = 80
 _SURE = 5.0  # standard deviations of the shifted ones
@@ -20,7 +20,6 @@ _WORTH = 0.01  # share of the innovations' variance below which structure is not
 _SHARP = (4.5, 1.6)  # of white windows: spreads of the logarithm of energy, and its least excess
 _BROAD = (8.0, 3.0)  # of coloured ones, whose energies differ more
 _WORSE = 1.35
-_SLOW = 1.0  # s, the mean over which is the slow part of an error
 _LARGE = 0.04  # of a response's spread; made-up drives without a cause leave 0.005 to 0.025
 _OF_LEVEL = 0.25  # of the largest response, which counts as spread where it is larger
 _BESIDE = 1.2  # innovations
@@ -89,7 +88,7 @@ def slow_error(
         mask: samples that were fitted.
         dt: sample period, s.
     """
-    slow = moving_mean(np.where(mask, residual, 0.0), _SLOW, dt)
+    slow = moving_mean(np.where(mask, residual, 0.0), SLOW, dt)
     size = float(np.sqrt(np.mean(slow[mask] ** 2)))
     fast = float(np.sqrt(np.mean(innovations[mask] ** 2)))
     values = response[mask]
@@ -145,26 +144,31 @@ def history(x: Float[np.ndarray, "R N"], seconds: float, dt: float) -> Float[np.
 
 def _judge(e, mask, features) -> tuple[float, float]:
     """Share of the variance that a ridge regression explains on blocks that it has not seen, and by
-    how many standard deviations that is beyond the innovations shifted in time."""
-    rows, X = e[mask], features[:, mask].T
-    X = (X - X.mean(axis=0)) / (X.std(axis=0) + 1e-12)
-    n = len(rows)
-    block = np.arange(n) * _BLOCKS // n
-    rng = np.random.default_rng(1)
-    shifts = [0, *rng.integers(n // 10, n - n // 10, _SHIFTS)]
-    targets = np.stack([np.roll(rows, s) for s in shifts], axis=1)
-    targets = targets - targets.mean(axis=0)
-    grams = [X[block == b].T @ X[block == b] for b in range(_BLOCKS)]
-    slopes = [X[block == b].T @ targets[block == b] for b in range(_BLOCKS)]
-    gram, slope = sum(grams), sum(slopes)
-    error = np.zeros(targets.shape[1])
-    for b in range(_BLOCKS):
-        ridge = 0.02 * n * np.eye(X.shape[1])
-        shares = np.linalg.solve(gram - grams[b] + ridge, slope - slopes[b])
-        error += np.sum((targets[block == b] - X[block == b] @ shares) ** 2, axis=0)
-    explained = 1.0 - error / np.sum(targets**2, axis=0)
-    spread = max(float(np.std(explained[1:])), 1e-6)
-    return float(explained[0]), float((explained[0] - np.mean(explained[1:])) / spread)
+    how many standard deviations that is beyond the innovations shifted in time; of a share too
+    small to be worth telling, none."""
+    rows, X = e[mask], features[:, mask]
+    X = (X - X.mean(axis=1, keepdims=True)) / (X.std(axis=1, keepdims=True) + 1e-12)
+    n, rng = len(rows), np.random.default_rng(1)
+    rows = rows - rows.mean()
+    edges = np.linspace(0, n, _BLOCKS + 1).astype(int)
+    blocks = [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    grams = np.stack([X[:, b] @ X[:, b].T for b in blocks])
+    others = grams.sum(axis=0) - grams + 0.02 * n * np.eye(len(X))
+
+    def explained(targets: np.ndarray) -> np.ndarray:
+        pulls = np.stack([X[:, b] @ targets[:, b].T for b in blocks])
+        shares = np.linalg.solve(others, pulls.sum(axis=0) - pulls)
+        # |t - X's|^2 over all blocks, without the residuals themselves
+        taken = np.sum(shares * (2.0 * pulls - grams @ shares), axis=(0, 1))
+        return taken / np.sum(targets**2, axis=1)
+
+    share = float(explained(rows[None])[0])
+    if share < _WORTH:
+        return share, 0.0
+    shifts = rng.integers(n // 10, n - n // 10, _SHIFTS)
+    chance = explained(np.stack([np.roll(rows, s) for s in shifts]))
+    spread = max(float(np.std(chance)), 1e-6)
+    return share, (share - float(np.mean(chance))) / spread
 
 
 def _bursts(e, known, runs, dt, spreads: float, least: float):

@@ -64,8 +64,9 @@ class Evidence:
                 continue
             sure.append(cause)
             found = self._finding(cause, trial, road)
-            believed = trial.believed(found.share, trial.gain.channel in puzzling)
-            small = found.share < MINOR or not believed or self._negligible(found)
+            share = max(found.share, trial.gain.typical)
+            believed = trial.believed(share, trial.gain.channel in puzzling)
+            small = share < MINOR or not believed or self._negligible(found)
             (minor if small else findings).append(found)
         for found in self._quantised():
             (findings if found.share >= _COARSE else minor).append(found)
@@ -214,7 +215,8 @@ class Evidence:
         worth, variance = (sum(parts) for parts in zip(*sure, strict=True))
         gain = gain_of(scored, use, held, self.runs.dt)
         steady = worth / max(math.sqrt(variance), 1e-300)
-        return Trial(gain, worth if held else cause.statistic, steady)
+        fast = scored.fast(use, self.runs.dt)
+        return Trial(gain, worth if held else cause.statistic, steady, fast)
 
     def _finding(self, cause: Named, trial: Trial, road: Road | None) -> Finding:
         gain = trial.gain

@@ -6,6 +6,9 @@ from jaxtyping import Float
 BLOCK = 5.0
 """Length of a stretch over which errors of a vehicle count as independent, s."""
 
+SLOW = 1.0
+"""Length of the mean that is the slow part of an error, s."""
+
 
 def moving_mean(x: Float[np.ndarray, "R N"], seconds: float, dt: float) -> Float[np.ndarray, "R N"]:
     """Centred mean over some seconds, the ends repeated."""

@@ -27,7 +27,12 @@ def sentence(f: Finding) -> str:
     said = [f"{place[:1].upper()}{place[1:]}: {title(f.cause)}{form}, {', '.join(sizes)}."]
     g = f.gain
     where = "on held-out driving" if g.held_out else "on the fitted data"
-    said.append(f"FIT of {g.channel} {where} rises from {g.before:.1f} to {g.after:.1f} % with it.")
+    moves = "rises" if g.after >= g.before else "falls"
+    said.append(
+        f"FIT of {g.channel} {where} {moves} from {g.before:.1f} to {g.after:.1f} % with it."
+    )
+    if g.after < g.before and g.typical > 0.0:
+        said.append(f"Some event spoils it: most stretches lose {100 * g.typical:.0f} % of theirs.")
     if g.ate_before is not None and g.ate_after is not None:
         cost = g.ate_before - g.ate_after
         if cost > 0.01 * g.ate_before:

@@ -14,6 +14,7 @@ from vdmsi_jax.data import check_excitation
 from vdmsi_jax.data.record import Record
 from vdmsi_jax.identify.orders import order_grid
 from vdmsi_jax.identify.result import OrderGrid
+from vdmsi_jax.programs import make_room
 
 
 def identify(
@@ -53,6 +54,7 @@ def identify(
             'call jax.config.update("jax_enable_x64", True) first',
             stacklevel=2,
         )
+    make_room()
     return order_grid(record, _held_out(record, options), spec, options)
 
 

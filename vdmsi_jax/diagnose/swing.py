@@ -1,0 +1,68 @@
+"""Periodic disturbances: what swings along keeps its frequency and strength, but begins each run at
+a phase of its own, which is told by that run as its start is."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from .stage import Stage
+
+CAUSE = "periodic_disturbance"
+_PEAKS = 3  # of a spectrum that are tried
+_NEAR = 8  # lines of a spectrum, within which two peaks are one
+
+
+def number_of(stage: Stage, active: Sequence[int]) -> int | None:
+    """The periodic disturbance among causes that are on."""
+    return next((k for k in active if stage.slots[k].cause == CAUSE), None)
+
+
+def columns(stage: Stage, frequency: float) -> Float[np.ndarray, "2 N"]:
+    """Its sine and cosine since the first row."""
+    angle = 2.0 * np.pi * frequency * stage.dt * np.arange(stage.u.shape[1])
+    return np.stack([np.sin(angle), np.cos(angle)])
+
+
+def peaks(
+    stage: Stage, e: Float[np.ndarray, "R N"], white: Float[np.ndarray, "R N"]
+) -> list[tuple[float, Float[np.ndarray, "R 2"]]]:
+    """Frequencies, Hz, with each run's sine and cosine, that stand out in a residual or in its
+    innovations: a colour that is estimated may take a strong line for noise that it predicts."""
+    size = 1 << (4 * e.shape[1]).bit_length()
+    lines = np.fft.rfftfreq(size, stage.dt)
+    found: dict[int, tuple[float, np.ndarray]] = {}
+    for x in (white, e):
+        power = np.sum(np.abs(np.fft.rfft(x, size)) ** 2, axis=0)
+        power[lines < 1.5 / stage.scales.duration] = 0.0
+        for _ in range(_PEAKS):
+            k = int(np.argmax(power))
+            power[max(0, k - _NEAR) : k + _NEAR + 1] = 0.0
+            if all(abs(k - other) > _NEAR for other in found):
+                found[k] = (float(lines[k]), shares(stage, e, float(lines[k])))
+    return list(found.values())
+
+
+def shares(stage: Stage, e: Float[np.ndarray, "R N"], frequency: float) -> Float[np.ndarray, "R 2"]:
+    """Sine and cosine of each run in what is left of it, by least squares."""
+    wave, made = columns(stage, frequency), np.zeros((len(e), 2))
+    for r, use in enumerate(stage.mask):
+        if use.sum() > 2:
+            made[r] = np.linalg.lstsq(wave[:, use].T, e[r, use], rcond=None)[0]
+    return made
+
+
+def strength(
+    stage: Stage, swing: Float[np.ndarray, "R 2"], frequency: float
+) -> tuple[float, float, int]:
+    """Amplitude over all runs that have one, phase at the start of the first of them, rad, and
+    which that is."""
+    sizes = np.hypot(*swing.T)
+    known = np.flatnonzero(sizes > 0)
+    if not known.size:
+        return 0.0, 0.0, 0
+    first = int(known[0])
+    since = float(np.asarray(stage.signals.t)[first, 0])
+    phase = np.arctan2(swing[first, 1], swing[first, 0]) - 2.0 * np.pi * frequency * since
+    amplitude = float(np.sqrt(np.mean(sizes[known] ** 2)))
+    return amplitude, float((phase + np.pi) % (2.0 * np.pi) - np.pi), first

@@ -1,0 +1,25 @@
+"""Compiled programs: how many of them a process may hold."""
+
+from pathlib import Path
+
+import jax
+
+_MAPS, _LIMIT = Path("/proc/self/maps"), Path("/proc/sys/vm/max_map_count")
+_SHARE = 0.5
+
+
+def make_room() -> None:
+    """Forget all compiled programs where they have taken half of the memory maps that Linux lets a
+    process have.
+
+    A program takes hundreds of them, every new length of a log compiles new ones, and a process
+    without maps left ends with a segmentation fault: after some fifty logs of different lengths.
+    What is used again is compiled again, or read from the compilation cache. Does nothing on other
+    systems.
+    """
+    try:
+        limit, held = int(_LIMIT.read_text()), _MAPS.read_bytes().count(b"\n")
+    except (OSError, ValueError):
+        return
+    if held > _SHARE * limit:
+        jax.clear_caches()
