@@ -103,6 +103,11 @@ def backlash(gap: float) -> Cause:
     return Cause(response=play)
 
 
+def slack(gap: float) -> Cause:
+    """Play in what the command moves first."""
+    return Cause(rows=backlash(gap).response)
+
+
 def command_limits(upper: float, lower: float) -> Cause:
     return Cause(rows=lambda u, d: np.clip(u, lower, upper))
 
@@ -175,6 +180,10 @@ def added(bias: float) -> Cause:
 
 def drift(rate: float) -> Cause:
     return Cause(rows=lambda u, d: (1.0 + rate * d.t) * u)
+
+
+def warming(rate: float, seconds: float) -> Cause:
+    return Cause(rows=lambda u, d: (1.0 - rate * seconds * np.expm1(-d.t / seconds)) * u)
 
 
 def new_gain(time: float, gain: float) -> Cause:

@@ -15,7 +15,9 @@ from .refit import Refit
 from .result import Estimate, Rival
 from .search import MARGIN, Finding, Search
 from .stage import Slot
+from .starts import backward
 
+_CLEAR = 2.0  # standard errors from which a drift is told as bent
 _HALF = 0.5  # of a value, by which two that are one may differ, however uncertain they are
 
 _FORMS = {
@@ -216,6 +218,9 @@ def _renamed(cause: str, told: dict[str, Estimate]) -> dict[str, Estimate]:
         return {k: e for k, e in told.items() if math.isfinite(e.value)}
     if cause == "resonance":
         return {"frequency": told["frequency"], "damping": told["damping"], "weight": told["share"]}
+    if cause == "gain_drift":
+        bend = told["bend"]
+        return told if abs(bend.value) > _CLEAR * bend.std else {"rate": told["rate"]}
     if cause == "coulomb_friction":
         level, more = told["level"], told["breakaway"]
         if more.value <= 0.0:
@@ -275,7 +280,11 @@ def told_unit(slot: Slot, j: int, units: tuple[str, str]) -> str:
 
 def without(search: Search, finding: Finding) -> Refit:
     """The model without a cause: the best plant without any, where it is the only one and that
-    plant is no larger, since a larger one may imitate a cause by poles and zeros that are none."""
+    plant is no larger, since a larger one may imitate a cause by poles and zeros that are none, and
+    does not tell a delay by its zeros."""
     plain, final = search.baseline.hypothesis, search.final.hypothesis
     larger = plain.poles + plain.zeros > final.poles + final.zeros
-    return finding.less if larger or len(search.findings) > 1 else search.baseline
+    delayed = search.stage.slots[finding.number].cause == "transport_delay"
+    told = delayed and backward(plain).size > 0
+    several = len(search.findings) > 1
+    return finding.less if larger or several or told else search.baseline

@@ -163,9 +163,13 @@ def refit(
 
 def _begun(stage: Stage, h: Hypothesis) -> Hypothesis:
     """With a swing of each run where there is a periodic disturbance, and without where none."""
-    if h.frequency(stage) is None:
+    number = swing.number_of(stage, h.active)
+    if number is None:
         return h if h.swing is None else replace(h, swing=None)
-    return replace(h, swing=np.zeros((len(stage.u), 2))) if h.swing is None else h
+    theta, both = h.theta.copy(), list(stage.slots[number].index[1:])
+    own = np.zeros((len(stage.u), 2)) if h.swing is None else h.swing
+    theta[both], own = 0.0, own + h.theta[both]
+    return replace(h, theta=theta, swing=own)
 
 
 def responses(stage: Stage, hypotheses: Sequence[Hypothesis]) -> Float[np.ndarray, "L R N"]:

@@ -10,7 +10,18 @@ from .outcome import completed, steadiness
 from .refit import Hypothesis, Refit, refit, responses
 from .screen import RAGGED, Candidate, screen
 from .stage import LEAD, POLES, Stage
-from .starts import backward, bent, first_order, late, mirrored, nested, ringing, scanned, waiting
+from .starts import (
+    all_pole,
+    backward,
+    bent,
+    first_order,
+    late,
+    mirrored,
+    nested,
+    ringing,
+    scanned,
+    waiting,
+)
 
 ORDERS = ((1, 0), (2, 0), (2, 1), (3, 0), (3, 1), (3, 2), (4, 1), (4, 2), (4, 3))
 """Orders that a baseline may have. The plant comes first: a missing pole must not be called a
@@ -38,6 +49,7 @@ _SWAPS = 3
 _SWAPPED = 2.0  # by which another cause must be better to take a place
 _RIVALS = 8  # that are told
 _LIGHT, _TOLD = 0.15, 10.0  # damping of a mode, and what its name may cost
+_LITTLE = 0.01  # of what the poles are worth that tell a mode, which its name may cost
 _GROWS = 50.0  # that a cause in a small plant must gain for larger ones to be tried with it
 _REACH = 60.0  # that a candidate may lie behind the best after a few steps
 
@@ -116,19 +128,19 @@ def search(stage: Stage) -> Search:
     plain = max(grid.values(), key=lambda f: score(stage, f))
     now = plain
     screened: list[Candidate] = []
+    rings = False
     seen: dict[tuple, Refit] = {_key(f.hypothesis): f for f in grid.values()}
     while len(now.hypothesis.active) < _MOST_CAUSES:
         candidates = screen(stage, now)
         screened = screened or candidates
         promising = [c for c in candidates if c.gain > 4.0][:_REFITTED]
         starts = [joined(now.hypothesis, c) for c in promising]
-        if now.hypothesis.active:
+        if now.hypothesis.active and not rings:  # or the plant would take the mode back
             starts += _promising(stage, list(nested(stage, now.hypothesis)), 1)
         if now is plain:  # a cause may make a smaller plant enough
             coefficients = sum(_order(plain.hypothesis))
             orders = [o for o in _SMALL if sum(o) < coefficients]
             starts += [h for order in orders for h in late(stage, plain, order)]
-            starts += ringing(stage, plain)
             for smaller in _smaller(stage, grid, plain):
                 own = screen(stage, smaller, fine=False)[:_FROM_SMALLER]
                 starts += [joined(smaller.hypothesis, c) for c in own]
@@ -142,7 +154,8 @@ def search(stage: Stage) -> Search:
         seen |= {_key(f.hypothesis): f for f in fits}
         better = [f for f in fits if score(stage, f) > score(stage, now)]
         if now is plain and not better:
-            better = [f for f in fits if _rings(stage, f, plain)]
+            better = [f for f in fits if _rings(stage, f, plain, grid)]
+            rings = bool(better)
         first = not now.hypothesis.active
         steady = [f for f in better if first or steadiness(stage, now, f) > _STEADY]
         if not steady:
@@ -300,6 +313,8 @@ def _findings(
     found, tried = [], []
     for number in final.hypothesis.active:
         less = refit(stage, [_without(stage, final.hypothesis, number)])[0]
+        if stage.slots[number].cause == "transport_delay" and backward(less.hypothesis).size:
+            less = refit(stage, [all_pole(stage, less.hypothesis)])[0]
         gain = 2.0 * (final.loglik - less.loglik)
         screened = screen(stage, less, fine=stage.slots[number].cause in RAGGED)
         promised = next((c.gain for c in screened if c.number == number), 0.0)
@@ -337,18 +352,23 @@ def _findings(
 def _afresh(stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]) -> list[Refit]:
     """Fits of causes that are not reached from the best plain plant."""
     plants = [plain, *_smaller(stage, grid, plain)[:1]]
-    starts = [*bent(stage, grid[1, 0]), *waiting(stage, plain, grid)]
+    starts = [*bent(stage, grid[1, 0]), *waiting(stage, plain, grid), *ringing(stage, plain)]
     starts += [h for at in plants for h in scanned(stage, at)]
     fits = refit(stage, starts)
     return _best_of_each([*fits, *refit(stage, mirrored(stage, fits))])
 
 
-def _rings(stage: Stage, f: Refit, plain: Refit) -> bool:
-    """Whether a fit tells lightly damped poles of the plain plant by their name, as well as it."""
+def _rings(stage: Stage, f: Refit, plain: Refit, grid: Mapping[tuple[int, int], Refit]) -> bool:
+    """Whether a fit tells lightly damped poles of the plain plant by their name, as well as it, or
+    nearly all of what they are worth."""
     h = f.hypothesis
     slots = [stage.slots[number] for number in h.active]
     if [slot.cause for slot in slots] != ["resonance"]:
         return False
     damping = h.theta[slots[0].index[slots[0].names.index("damping")]]
     smaller = sum(_order(h)) < sum(_order(plain.hypothesis))
-    return smaller and damping < _LIGHT and score(stage, f) > score(stage, plain) - _TOLD
+    bare = grid.get(_order(h))
+    if bare is None or score(stage, bare) > score(stage, f):
+        return False
+    worth, lacks = (score(stage, plain) - score(stage, other) for other in (bare, f))
+    return smaller and damping < _LIGHT and lacks < max(_TOLD, _LITTLE * worth)

@@ -84,6 +84,12 @@ def backward(h: Hypothesis) -> np.ndarray:
     return zeros[zeros.real > 0.0]
 
 
+def all_pole(stage: Stage, h: Hypothesis) -> Hypothesis:
+    """The same without zeros: what a delay is worth shows beside a plant that cannot tell it."""
+    den = np.concatenate([[1.0], h.theta[: h.poles]])
+    return plant(h, stage, den, h.theta[POLES + h.poles - 1 : POLES + h.poles])
+
+
 def waiting(
     stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]
 ) -> Iterable[Hypothesis]:

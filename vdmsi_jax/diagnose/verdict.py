@@ -29,7 +29,8 @@ from .search import Search, joined
 from .words import sentence, summary
 
 MINOR = 0.02
-"""Share of the held-out squared error of its channel below which a significant cause is minor."""
+"""Share of the held-out squared error of its channel, with no cause or with all others, below which
+a significant cause is minor."""
 
 _SERIOUS, _MOSTLY = 0.02, 0.3  # share of structure in a residual that is spoken of, and that weighs
 _SETTLED = 0.75  # share of a channel's error from which on findings have explained it
@@ -66,7 +67,9 @@ class Evidence:
             found = self._finding(cause, trial, road)
             share = max(found.share, trial.gain.typical)
             believed = trial.believed(share, trial.gain.channel in puzzling)
-            small = share < MINOR or not believed or self._negligible(found)
+            of_all = (found.gain.mse_before - found.gain.mse_after) / self._plainly(cause)
+            small = share < MINOR or 0.0 <= of_all < MINOR
+            small = small or not believed or self._negligible(found)
             (minor if small else findings).append(found)
         for found in self._quantised():
             (findings if found.share >= _COARSE else minor).append(found)
@@ -110,6 +113,14 @@ class Evidence:
             summary="",
         )
         return replace(told, summary=summary(told))
+
+    def _plainly(self, cause: Named) -> float:
+        """Squared error of the channel of an actuator's cause with no cause at all."""
+        if cause.search is None:
+            return math.nan
+        stage, y = cause.search.stage, cause.search.baseline.y
+        use = stage.held_out if stage.held_out.sum() > 50 else stage.mask
+        return max(float(np.mean((stage.y - y)[use] ** 2)), 1e-300)
 
     def _negligible(self, found: Finding) -> bool:
         """Whether it is less than a body's or a plant's own: a sensor that is late by less than

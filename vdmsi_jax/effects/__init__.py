@@ -44,6 +44,7 @@ ACTUATOR: tuple[AbstractEffect, ...] = (
     RegimeChange(),
     Quantization(),
     DeadZone(),
+    Backlash(at="command"),
     Saturation(at="command"),
     TransportDelay(),
     RateLimit(at="command"),
@@ -55,7 +56,7 @@ ACTUATOR: tuple[AbstractEffect, ...] = (
     CoulombFriction(against="rate"),
     CoulombFriction(against="response"),
     Saturation(at="response"),
-    Backlash(),
+    Backlash(at="response"),
     PeriodicDisturbance(),
     Offset(),
 )

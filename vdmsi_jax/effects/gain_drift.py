@@ -2,21 +2,33 @@
 
 from typing import ClassVar
 
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from vdmsi_jax.effects.base import AbstractEffect, Scales, Signals
 from vdmsi_jax.parameters import parameter
 
+_SOONEST = 1.0  # 1/s, beyond which a drift is a transient
+
 
 class GainDrift(AbstractEffect):
-    """The gain grows by `rate` of its first value per second, in every run anew."""
+    """The gain changes by `rate` of its first value per second at first, in every run anew; the
+    rate itself decays as `exp(-bend t)`, as in what warms up, or grows where `bend` is negative."""
 
     cause: ClassVar[str] = "gain_drift"
 
     rate: Float[Array, ""] = parameter("1/s", "relative change of the gain per second")
+    bend: Float[Array, ""] = parameter("1/s", "decay of that change", lower=-0.05, upper=_SOONEST)
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
-        return [(k / scales.duration,) for k in (-0.3, -0.05, 0.05, 0.3)]
+        shares = (-0.3, -0.05, 0.05, 0.3)
+        straight = [(k / scales.duration, 0.0) for k in shares]
+        soon = min(3.0 / scales.duration, _SOONEST)
+        return straight + [(k * soon, soon) for k in shares]
 
     def command(self, u: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
-        return u + self.rate * signals.t * u
+        x = self.bend * signals.t
+        small = jnp.abs(x) < 1e-4
+        safe = jnp.where(small, 1.0, x)
+        spent = jnp.where(small, 1.0 - 0.5 * x, -jnp.expm1(-safe) / safe)
+        return u + self.rate * signals.t * spent * u
