@@ -236,6 +236,7 @@ def test_effects_act_in_their_order_however_they_are_written(tmp_path):
     causes = ["saturation", "road_grade", "backlash"]
     assert [effect.cause for effect in model.effects] == causes
     assert float(model.effects[0].lower) == 0.0, "what is not told is off"
+    assert model.effects[2].at == "response", "a form that is not told is the usual one"
     told = [(channel, effect.cause) for channel, effect in loaded.sensors]
     assert told == [("r", "sensor_lag"), ("r", "sensor_delay"), ("delta", "sensor_lag")]
 
@@ -256,11 +257,10 @@ def first(document):
         (lambda d: first(d).update(parameters={"gap": None}), "gap.*None is not a number"),
         (lambda d: first(d).update(parameters={"gap": -0.1}), "gap.*out of range.*0 to inf"),
         (lambda d: first(d).update(parameters={"gap": [0.1, 0.1]}), "gap.*2 numbers.*give one"),
-        (lambda d: first(d).update(form={"at": "command"}), "form at.*has no such form"),
+        (lambda d: first(d).update(form={"by": "command"}), "form by.*has no such form"),
         (lambda d: first(d).update(constants={"span": 1.0}), "span.*has no such constant"),
         (lambda d: first(d).update(channel="v"), "channel.*only a sensor"),
         (lambda d: first(d).update(size=3), "size.*unknown key"),
-        (lambda d: d["plants"]["steering"]["effects"][1].pop("form"), "2 forms.*'at': 'response'"),
         (
             lambda d: d["plants"]["steering"]["effects"][1]["form"].update(at="commnd"),
             "did you mean 'command'",

@@ -159,7 +159,7 @@ class EffectEntry:
         return dataclasses.replace(off, **changed)
 
     def _off(self, registry: Registry, place: str) -> AbstractEffect:
-        """The effect of the registry that is meant."""
+        """The effect of the registry that is meant; its usual form where none is told."""
         forms = [effect for effect in registry if effect.cause == self.cause]
         if not forms:
             problem = f"unknown cause {self.cause!r}"
@@ -172,7 +172,8 @@ class EffectEntry:
             allowed = {str(_form(effect)[name]) for effect in forms}
             if value not in allowed:
                 raise InputError("", at, f"unknown value {value!r}", nearest(value, allowed))
-        meant = [e for e in forms if all(_form(e)[n] == v for n, v in self.form.items())]
+        told = _form(type(forms[0])()) | self.form
+        meant = [e for e in forms if all(_form(e)[n] == v for n, v in told.items())]
         if len(meant) != 1:
             problem = f"{self.cause} has {len(forms)} forms"
             mend = "give one of " + "; ".join(str(_form(effect)) for effect in forms)
