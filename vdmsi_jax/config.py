@@ -9,7 +9,7 @@ and `[sweep]`.
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar, Literal
@@ -32,6 +32,8 @@ CANONICAL = {
 }
 """The canonical columns of a log and the quantity that each measures (the log format in the
 README)."""
+
+_POSE = ("x", "y", "psi")
 
 STEERING_CHANNELS = ("delta_cmd", "delta")
 """Road-wheel angles. They may be logged as the curvature of the path, which the wheelbase turns
@@ -312,14 +314,15 @@ class Config:
     path: Path | None = field(default=None, metadata={"toml": False})
 
     def __post_init__(self):
-        known = {*CANONICAL, *self.columns}
+        own = {channel for p in self.plants for channel in (p.input, p.output)}
+        known = {*CANONICAL, *self.columns, *own}
         for table in ("units", "sign"):
             for channel in getattr(self, table):
                 place = f"[{table}] {channel}"
                 mend = nearest(channel, known)
                 _require(channel in known, self, place, "no such channel", mend)
         for channel, name in self.units.items():
-            quantities = allowed_quantities(channel)
+            quantities = allowed_quantities(channel, self.canonical)
             unit(name, source="Config", place=f"[units] {channel}", quantities=quantities)
         for channel, factor in self.sign.items():
             problem = f"{factor} is no sign"
@@ -329,6 +332,11 @@ class Config:
             _require(name not in self.derive, self, f"[derive] {name}", "is no channel", mend)
         fine = len({plant.name for plant in self.plants}) == len(self.plants)
         _require(fine, self, "[[plants]] name", "two plants have one name", "rename one of them")
+
+    @property
+    def canonical(self) -> dict[str, str]:
+        """What canonical names measure in these logs."""
+        return canonical_of(self.plants, self.vehicle)
 
     @property
     def source(self) -> str:
@@ -342,14 +350,20 @@ def _require(fine: bool, owner: object, field: str, problem: str, mend: str) -> 
         raise InputError(type(owner).__name__, field, problem, mend)
 
 
-def allowed_quantities(channel: str) -> tuple[str, ...]:
+def canonical_of(plants: Iterable[PlantSpec], vehicle: VehicleGeometry | None) -> dict[str, str]:
+    """`CANONICAL`, less the names of a pose that plants have taken where there is no vehicle: `u`
+    and `y` of a plant are its own."""
+    own = {channel for p in plants for channel in (p.input, p.output)} if vehicle is None else ()
+    return {c: q for c, q in CANONICAL.items() if c not in _POSE or c not in own}
+
+
+def allowed_quantities(channel: str, canonical: Mapping[str, str]) -> tuple[str, ...]:
     """What a channel may measure: fixed for canonical ones (a steering angle may be a curvature),
     open for others."""
-    if channel not in CANONICAL:
+    if channel not in canonical:
         return ()
-    return (
-        (CANONICAL[channel], "curvature") if channel in STEERING_CHANNELS else (CANONICAL[channel],)
-    )
+    own = canonical[channel]
+    return (own, "curvature") if channel in STEERING_CHANNELS else (own,)
 
 
 def load_config(path: str | Path | None) -> Config:

@@ -207,3 +207,16 @@ def test_a_large_log_is_read_fast(tmp_path):
     assert time.perf_counter() - start < 6.0
     assert log.n == n and log.dt == 0.01
     np.testing.assert_allclose(log["v"], np.tile(block[:, 2], 360), rtol=1e-8)
+
+
+def test_a_plant_names_its_columns_by_itself(tmp_path):
+    rows = [f"{0.02 * k},{(k // 20) % 3},{0.1 * k % 1.0}" for k in range(200)]
+    (tmp_path / "log.csv").write_text("\n".join(["t,u,y", *rows]))
+    plant = '[[plants]]\nname = "motor"\ninput = "u"\noutput = "y"\n'
+    (tmp_path / "c.toml").write_text('[units]\ny = "V"\n' + plant)
+    record = read_log(tmp_path / "log.csv", tmp_path / "c.toml")
+    assert set(record.channels) == {"u", "y"}
+    assert record.units == {"u": "1", "y": "V"}, "without a vehicle y is no place"
+    (tmp_path / "c.toml").write_text(plant.replace('"u"', '"w"'))
+    with pytest.raises(InputError, match=r"no channel 'w'.*\[columns\] w"):
+        read_log(tmp_path / "log.csv", tmp_path / "c.toml")

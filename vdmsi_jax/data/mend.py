@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..config import CANONICAL, Config
+from ..config import Config
 from ..errors import InputError
 from .resample import sample_period
 
@@ -139,7 +139,7 @@ def period_of(rows: Rows, config: Config) -> float:
         raise InputError(
             raw.source, "", problem, "give a longer log, or loosen [select] where"
         ) from None
-    is_vehicle = any(channel in CANONICAL for channel in raw.channels)
+    is_vehicle = any(channel in config.canonical for channel in raw.channels)
     place = f"column {raw.columns['t']!r}"
     if is_vehicle and "t" not in config.units and period >= _SLOWEST:
         problem = f"rows are {period:g} s apart, too far to see an actuator"

@@ -190,7 +190,8 @@ def _plants(config: Config, channels: Mapping[str, np.ndarray]) -> tuple[PlantSp
             channel = getattr(plant, role)
             if channel not in channels:
                 place, problem = f"[[plants]] {plant.name} {role}", f"no channel {channel!r}"
-                raise InputError(config.source, place, problem, nearest(channel, channels))
+                mend = f"{nearest(channel, channels)}, or name its column: [columns] {channel}"
+                raise InputError(config.source, place, problem, mend)
     return config.plants or tuple(
         p for p in DEFAULT_PLANTS if p.input in channels and p.output in channels
     )

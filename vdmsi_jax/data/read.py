@@ -137,7 +137,8 @@ def _columns(config: Config, names: Sequence[str], path: Path) -> dict[str, str]
             place = f"[columns] {channel}" if config.path else f"column {name}"
             problem = f"is missing ({config.source}, {place})"
             raise InputError(str(path), f"column {name!r}", problem, nearest(name, names))
-    columns = {channel: channel for channel in CANONICAL if channel in names} | dict(config.columns)
+    plain = [*CANONICAL, *(c for p in config.plants for c in (p.input, p.output))]
+    columns = {channel: channel for channel in plain if channel in names} | dict(config.columns)
     taken = list(config.columns.values())
     columns = {c: n for c, n in columns.items() if c in config.columns or n not in taken}
     if "t" not in columns:
@@ -182,15 +183,16 @@ def _labels(run: np.ndarray) -> np.ndarray:
 def _unit(channel: str, config: Config):
     """The unit that a channel is logged in: as declared, or the SI unit of a canonical channel, or
     a pure number."""
-    default = si_symbol(CANONICAL[channel]) if channel in CANONICAL else "1"
-    quantities = allowed_quantities(channel)
+    canonical = config.canonical
+    default = si_symbol(canonical[channel]) if channel in canonical else "1"
+    quantities = allowed_quantities(channel, canonical)
     name = config.units.get(channel, default)
     return unit(name, source=config.source, place=f"[units] {channel}", quantities=quantities)
 
 
 def _quantity(channel: str, config: Config) -> str:
     """What a channel measures once it is in SI: canonical ones what they always do."""
-    return CANONICAL.get(channel) or _unit(channel, config).quantity
+    return config.canonical.get(channel) or _unit(channel, config).quantity
 
 
 def _to_si(channel: str, values: np.ndarray, config: Config) -> np.ndarray:

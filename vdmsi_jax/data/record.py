@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ..config import CANONICAL, DEFAULT_PLANTS, PlantSpec, VehicleGeometry
+from ..config import DEFAULT_PLANTS, PlantSpec, VehicleGeometry, canonical_of
 from ..errors import InputError, nearest
 from ..units import si_symbol
 from .noise import white_noise_std
@@ -134,8 +134,9 @@ class Record:
                 )
         if n < 2:
             raise InputError(name, "channels", f"there are {n} samples", "give at least two")
+        canonical = canonical_of(plants, vehicle)
         si = {
-            key: si_symbol(CANONICAL[key]) if key in CANONICAL else (units or {}).get(key, "1")
+            key: si_symbol(canonical[key]) if key in canonical else (units or {}).get(key, "1")
             for key in arrays
         }
         fitting = tuple(plants) or tuple(

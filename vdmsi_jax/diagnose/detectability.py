@@ -25,7 +25,7 @@ def detectable(stage: Stage, at: Refit, units: tuple[str, str]) -> list[Detectab
     numbers, thetas, held = [], [], at.hypothesis
     for number in stage.allowed:
         slot = stage.slots[number]
-        if number in at.hypothesis.active or slot.cause == swing.CAUSE:
+        if number in at.hypothesis.active:
             continue
         probes = slot.effect.probes(stage.scales)
         theta = at.hypothesis.theta.copy()
@@ -51,6 +51,8 @@ def detectable(stage: Stage, at: Refit, units: tuple[str, str]) -> list[Detectab
             main = slot.names.index("share")
         if slot.cause == "regime_change":
             main = slot.names.index("gain")
+        if slot.cause == swing.CAUSE:
+            main = slot.names.index("sine")
         seen = energy[k] / max(at.variance, 1e-300)
         visible = lengths[k] > 1e-6 * whole[k] and seen > 1e-9
         size = abs(thetas[k][slot.index[main]])
@@ -68,7 +70,7 @@ def detectable(stage: Stage, at: Refit, units: tuple[str, str]) -> list[Detectab
         names = tuple(dict.fromkeys(alike))
         hint = better(slot.cause, names) if names or not visible else ""
         unit = told_unit(slot, main, units)
-        name = slot.names[main]
+        name = "amplitude" if slot.cause == swing.CAUSE else slot.names[main]
         new = Detectable(slot.cause, slot.where, name, float(smallest), unit, names, hint)
         old = best.get(slot.cause)
         easier = old is None or (

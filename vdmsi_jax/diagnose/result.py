@@ -1,6 +1,7 @@
 """What a diagnosis is: plain data for files, reports, pictures and people."""
 
 import importlib
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -119,6 +120,7 @@ class Unexplained:
         when: moments, (run, start s, stop s), in which it is concentrated.
         test: which test found it, in words.
         puzzling: whether it is so large that causes named beside it may only stand in for it.
+        size: of a slow error, of the response's spread; infinite where another test found it.
     """
 
     channel: str
@@ -127,6 +129,7 @@ class Unexplained:
     when: tuple[tuple[str, float, float], ...] = ()
     test: str = ""
     puzzling: bool = False
+    size: float = math.inf
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,7 @@ a significant cause is minor."""
 
 _SERIOUS, _MOSTLY = 0.02, 0.3  # share of structure in a residual that is spoken of, and that weighs
 _SETTLED = 0.75  # share of a channel's error from which on findings have explained it
+_ELSEWHERE = 0.08  # slow error, of a response's spread, that weighs beside findings elsewhere
 _COARSE = 0.1  # share of a rounding in what a model leaves, from which it is a finding
 _DAMPED = 0.24  # ratio, from which a mode is rather two poles that the plant lacks
 _DOUBTFUL = 0.05  # share of a cause that makes the path no better, below which it is minor
@@ -82,8 +83,13 @@ class Evidence:
             for c in scores["baseline"]
         }
         serious = [u for u in left if u.fraction > _SERIOUS]
+        touched = {f.gain.channel for f in findings}
         open_ = [
-            u for u in serious if u.fraction > _MOSTLY and taken.get(u.channel, 0.0) < _SETTLED
+            u
+            for u in serious
+            if u.fraction > _MOSTLY
+            and taken.get(u.channel, 0.0) < _SETTLED
+            and (u.channel in touched or u.size > _ELSEWHERE)
         ]
         verdict = "explained" if findings else "no_effect"
         if serious and (not findings or open_):

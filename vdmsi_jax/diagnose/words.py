@@ -2,6 +2,7 @@
 
 from .result import Diagnosis, Finding
 
+_SPOILT = 0.05  # of the mean translation error, by which a path is worse
 _MOST = 3  # rivals that a sentence names
 
 
@@ -39,6 +40,11 @@ def sentence(f: Finding) -> str:
             said.append(
                 f"It costs {number(cost)} m of {number(g.ate_before)} m of mean translation error."
             )
+        elif cost < -_SPOILT * g.ate_before:
+            said.append(
+                f"The path gets worse with it, from {number(g.ate_before)} to "
+                f"{number(g.ate_after)} m of mean translation error."
+            )
     close = [r for r in f.rivals if r.indistinguishable]
     if close:
         words = list(dict.fromkeys(title(r.cause) for r in close))
@@ -70,6 +76,6 @@ def summary(d: Diagnosis) -> str:
         names = ", ".join(title(f.cause) for f in d.minor)
         said.append(f"Significant, yet small or not sure enough to be named: {names}.")
     for u in d.unexplained[:3]:
-        on = ", ".join(u.depends_on)
-        said.append(f"Unexplained in {u.channel}: {100 * u.fraction:.1f} % of what remains ({on}).")
+        why = f"; {u.test}" if u.test else ""
+        said.append(f"Unexplained in {u.channel}: {100 * u.fraction:.1f} % of what remains{why}.")
     return " ".join(said)

@@ -172,7 +172,7 @@ class EffectEntry:
             allowed = {str(_form(effect)[name]) for effect in forms}
             if value not in allowed:
                 raise InputError("", at, f"unknown value {value!r}", nearest(value, allowed))
-        told = _form(type(forms[0])()) | self.form
+        told = _form(type(forms[0])()) | dict(self.form)
         meant = [e for e in forms if all(_form(e)[n] == v for n, v in told.items())]
         if len(meant) != 1:
             problem = f"{self.cause} has {len(forms)} forms"
