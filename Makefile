@@ -2,8 +2,11 @@
 # stamp per extra keeps the next one from installing again until pyproject.toml changes.
 PYTHON ?= python3
 BIN := .venv/bin
-# A file of tests stays in one process, since tests of one file share what they compiled.
-PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
+# A file of tests stays in one process, since tests of one file share what they compiled; processes
+# share what takes long to compile by a cache that goes with the environment.
+PYTEST := JAX_COMPILATION_CACHE_DIR=$(CURDIR)/.venv/programs \
+    JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS=0.3 \
+    $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
 .PHONY: help demo paper record test test-slow lint format notebooks bench hunt clean
 .DEFAULT_GOAL := help

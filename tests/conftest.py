@@ -9,6 +9,16 @@ import pytest
 jax.config.update("jax_enable_x64", True)
 
 
+LONGEST = ("test_notebooks", "test_diagnose", "test_recovery", "test_floors", "test_simulate")
+"""Files that take a minute or more. They come first, so that no worker is left with one at last."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Sort the longest files to the front."""
+    rank = {name: place for place, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: rank.get(item.path.stem, len(LONGEST)))
+
+
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
     """The folder of the measured logs; the test is skipped where it is absent."""

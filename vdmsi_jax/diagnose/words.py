@@ -33,7 +33,8 @@ def sentence(f: Finding) -> str:
         f"FIT of {g.channel} {where} {moves} from {g.before:.1f} to {g.after:.1f} % with it."
     )
     if g.after < g.before and g.typical > 0.0:
-        said.append(f"Some event spoils it: most stretches lose {100 * g.typical:.0f} % of theirs.")
+        share = f"{100.0 * g.typical:.0f} %"
+        said.append(f"An event spoils it: half of the stretches lose {share} of their error.")
     if g.ate_before is not None and g.ate_after is not None:
         cost = g.ate_before - g.ate_after
         if cost > 0.01 * g.ate_before:

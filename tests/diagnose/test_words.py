@@ -1,0 +1,37 @@
+"""Sentences say what the numbers say, for better and for worse."""
+
+import pytest
+
+from vdmsi_jax.diagnose.result import Estimate, Finding, Gain
+from vdmsi_jax.diagnose.words import sentence
+
+
+def said(before, after, **more):
+    gain = Gain("v", before, after, 0.1, 2.0, 1.0, **more)
+    return sentence(
+        Finding(
+            cause="saturation", where="powertrain", channel=None, form="of the command",
+            parameters={"upper": Estimate(1.36, 0.02, "m/s")}, statistic=300.0, p_value=0.0,
+            gain=gain, predicted_gain=None, share=0.5, rivals=(), separating_experiment=None,
+            sentence="",
+        )
+    )  # fmt: skip
+
+
+def test_a_gain_rises_and_a_loss_falls():
+    assert "FIT of v on held-out driving rises from 80.0 to 90.0 % with it" in said(80.0, 90.0)
+    worse = said(33.6, 21.5, typical=0.99)
+    assert "falls from 33.6 to 21.5 %" in worse
+    assert "half of the stretches lose 99 % of their error" in worse
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "told"),
+    [(2.0, 1.0, "It costs 1 m of 2 m"), (1.0, 2.0, "The path gets worse with it, from 1 to 2 m")],
+)
+def test_the_path_is_told_either_way(before, after, told):
+    assert told in said(80.0, 90.0, ate_before=before, ate_after=after)
+
+
+def test_a_path_that_hardly_changes_is_not_spoken_of():
+    assert "translation" not in said(80.0, 90.0, ate_before=1.0, ate_after=1.01)
