@@ -8,12 +8,10 @@ import numpy as np
 from .body import CAUSES, Body
 from .body_fit import BodyFit, Lane, bounds, fit_body, polished, refit_body, robust, slopes
 from .colour import autoregression, whiten
-from .search import CAUSE_COST, MARGIN, PARAMETER_COST
+from .search import CAUSE_COST, MARGIN, PARAMETER_COST, SWAPPED, SWAPS
 
 _CHANNELS_COST = 8.0
 _MOST = 7
-_SWAPS = 3
-_SWAPPED = 2.0  # by which another cause must be better to take a place
 _REFITTED = 5  # candidates of a screen that are refitted
 
 
@@ -53,10 +51,10 @@ def price(active: Sequence[int]) -> float:
 def search_body(body: Body) -> BodySearch:
     """Find the causes that the body's channels support, as the actuators' search does."""
     plain = now = polished(body, fit_body(body, [()])[0])
-    for _ in range(_SWAPS):
+    for _ in range(SWAPS):
         now = _eliminated(body, _extended(body, now))
         findings, other = _findings(body, now)
-        if other is None or score(other) < score(now) + _SWAPPED:
+        if other is None or score(other) < score(now) + SWAPPED:
             break
         now = polished(body, other)
     return BodySearch(body, plain, robust(body, now), findings)

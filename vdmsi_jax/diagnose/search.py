@@ -45,8 +45,8 @@ _SMALL = ((1, 0), (2, 0), (2, 1), (3, 1))
 _MOST_CAUSES = 4
 _STEADY = 1.5  # standard errors over blocks that a second cause must be likelier by
 _APART = 1.7  # standard errors over blocks from which two causes are told apart
-_SWAPS = 3
-_SWAPPED = 2.0  # by which another cause must be better to take a place
+SWAPS = 3
+SWAPPED = 2.0  # by which another cause must be better to take a place
 _RIVALS = 8  # that are told
 _LIGHT, _TOLD = 0.15, 10.0  # damping of a mode, and what its name may cost
 _LITTLE = 0.01  # of what the poles are worth that tell a mode, which its name may cost
@@ -120,51 +120,13 @@ def score(stage: Stage, fit: Refit) -> float:
 def search(stage: Stage) -> Search:
     """Find the causes that a stage's data support."""
     whole, stage = stage, stage.fitting
-
-    def worth(h: Hypothesis, loglik: float) -> float:
-        return 2.0 * loglik - price(stage, h)
-
     grid = baselines(stage)
     plain = max(grid.values(), key=lambda f: score(stage, f))
-    now = plain
-    screened: list[Candidate] = []
-    rings = False
-    seen: dict[tuple, Refit] = {_key(f.hypothesis): f for f in grid.values()}
-    while len(now.hypothesis.active) < _MOST_CAUSES:
-        candidates = screen(stage, now)
-        screened = screened or candidates
-        promising = [c for c in candidates if c.gain > 4.0][:_REFITTED]
-        starts = [joined(now.hypothesis, c) for c in promising]
-        if now.hypothesis.active and not rings:  # or the plant would take the mode back
-            starts += _promising(stage, list(nested(stage, now.hypothesis)), 1)
-        if now is plain:  # a cause may make a smaller plant enough
-            coefficients = sum(_order(plain.hypothesis))
-            orders = [o for o in _SMALL if sum(o) < coefficients]
-            starts += [h for order in orders for h in late(stage, plain, order)]
-            for smaller in _smaller(stage, grid, plain):
-                own = screen(stage, smaller, fine=False)[:_FROM_SMALLER]
-                starts += [joined(smaller.hypothesis, c) for c in own]
-        most = max((c.gain for c in promising), default=0.0)
-        fits = _best_of_each(refit(stage, starts, worth=worth, reach=max(_REACH, 0.5 * most)))
-        if now is plain:
-            fits += _afresh(stage, plain, grid)
-            fits += [f for small in _strongest(stage, fits, grid) for f in _grown(stage, small)]
-        if not fits:
-            break
-        seen |= {_key(f.hypothesis): f for f in fits}
-        better = [f for f in fits if score(stage, f) > score(stage, now)]
-        if now is plain and not better:
-            better = [f for f in fits if _rings(stage, f, plain, grid)]
-            rings = bool(better)
-        first = not now.hypothesis.active
-        steady = [f for f in better if first or steadiness(stage, now, f) > _STEADY]
-        if not steady:
-            break
-        now = max(steady, key=lambda f: score(stage, f))
-    for _ in range(_SWAPS):
+    now, screened, seen = _climbed(stage, plain, grid)
+    for _ in range(SWAPS):
         now = _eliminate(stage, now, seen)
         findings, other = _findings(stage, now, seen)
-        if other is None or score(stage, other) < score(stage, now) + _SWAPPED:
+        if other is None or score(stage, other) < score(stage, now) + SWAPPED:
             break
         now = other
     bare = replace(now.hypothesis, active=(), theta=_cleared(stage, now.hypothesis))
@@ -178,6 +140,58 @@ def search(stage: Stage) -> Search:
     plain, baseline, now, *less = completed(whole, kept)
     findings = tuple(replace(f, less=k) for f, k in zip(findings, less, strict=True))
     return Search(whole, plain, baseline, now, findings, tuple(screened))
+
+
+def _climbed(
+    stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]
+) -> tuple[Refit, list[Candidate], dict[tuple, Refit]]:
+    """The plain plant with one cause after another, for as long as they are worth their price; the
+    screen of the plain one; and all fits on the way."""
+
+    def worth(h: Hypothesis, loglik: float) -> float:
+        return 2.0 * loglik - price(stage, h)
+
+    now, rings = plain, False
+    screened: list[Candidate] = []
+    seen: dict[tuple, Refit] = {_key(f.hypothesis): f for f in grid.values()}
+    while len(now.hypothesis.active) < _MOST_CAUSES:
+        candidates = screen(stage, now)
+        screened = screened or candidates
+        promising = [c for c in candidates if c.gain > 4.0][:_REFITTED]
+        starts = [joined(now.hypothesis, c) for c in promising]
+        if now is plain:
+            starts += _in_smaller(stage, plain, grid)
+        elif not rings:  # or the plant would take the mode back
+            starts += _promising(stage, list(nested(stage, now.hypothesis)), 1)
+        most = max((c.gain for c in promising), default=0.0)
+        fits = _best_of_each(refit(stage, starts, worth=worth, reach=max(_REACH, 0.5 * most)))
+        if now is plain:
+            fits += _afresh(stage, plain, grid)
+            fits += [f for small in _strongest(stage, fits, grid) for f in _grown(stage, small)]
+        seen |= {_key(f.hypothesis): f for f in fits}
+        better = [f for f in fits if score(stage, f) > score(stage, now)]
+        if now is plain and not better:
+            better = [f for f in fits if _rings(stage, f, plain, grid)]
+            rings = bool(better)
+        if now is not plain:
+            better = [f for f in better if steadiness(stage, now, f) > _STEADY]
+        if not better:
+            break
+        now = max(better, key=lambda f: score(stage, f))
+    return now, screened, seen
+
+
+def _in_smaller(
+    stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]
+) -> list[Hypothesis]:
+    """Causes in smaller plants, which they may make enough, a delay among them."""
+    coefficients = sum(_order(plain.hypothesis))
+    orders = [o for o in _SMALL if sum(o) < coefficients]
+    starts = [h for order in orders for h in late(stage, plain, order)]
+    for smaller in _smaller(stage, grid, plain):
+        own = screen(stage, smaller, fine=False)[:_FROM_SMALLER]
+        starts += [joined(smaller.hypothesis, c) for c in own]
+    return starts
 
 
 def baselines(stage: Stage) -> dict[tuple[int, int], Refit]:
