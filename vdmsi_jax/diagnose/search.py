@@ -219,7 +219,9 @@ def baselines(stage: Stage) -> dict[tuple[int, int], Refit]:
     return grid
 
 
-def _strongest(stage: Stage, fits: Sequence[Refit], grid: dict) -> list[Refit]:
+def _strongest(
+    stage: Stage, fits: Sequence[Refit], grid: Mapping[tuple[int, int], Refit]
+) -> list[Refit]:
     """The small plants with a cause that gained most over the same plants without."""
     gained = []
     for f in fits:
