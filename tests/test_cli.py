@@ -137,11 +137,10 @@ sys.modules["matplotlib"] = None
 from vdmsi_jax.cli import main
 main({arguments!r})
 """
+    environment = os.environ | {"XDG_CACHE_HOME": str(cache), "COLUMNS": "200"}
+    environment.pop("JAX_COMPILATION_CACHE_DIR", None)
     done = subprocess.run(
-        [sys.executable, "-c", program],
-        capture_output=True,
-        text=True,
-        env=os.environ | {"XDG_CACHE_HOME": str(cache), "COLUMNS": "200"},
+        [sys.executable, "-c", program], capture_output=True, text=True, env=environment
     )
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""

@@ -92,7 +92,7 @@ def test_the_document_is_strict_and_has_the_contract_s_keys(play):
 
 
 def test_a_speed_alone_is_diagnosed_with_what_is_there():
-    case = Case((("dead_zone", "powertrain"),), "middle", seed=3, dt=0.05, duration=40.0)
+    case = Case((("dead_zone", "powertrain"),), "middle", seed=3, duration=40.0)
     (drive,) = generate([case])
     with jax.enable_x64(False):  # as a session that never heard of double precision
         found = vj.diagnose(records(drive, ("v_cmd", "v")))

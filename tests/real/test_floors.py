@@ -9,7 +9,7 @@ import floors
 
 # the floors are given to one decimal; husky's right wheel lies on its edge (80.05 for 80.1)
 ROUNDING = 0.06
-FAST = ("ce109_hoop_motor", "cpm_mucar/run_a:powertrain", "f110_frictionmaps/ds1")
+FAST = ("f110_frictionmaps/ds1",)
 
 
 @pytest.mark.parametrize(
