@@ -34,6 +34,7 @@ def driven(seed: int, *, delay: float = 0.0, swing: float = 0.0, noise: float = 
 def test_what_swings_begins_each_run_where_it_likes():
     found = vj.diagnose(driven(1, swing=0.08))
     assert [f.cause for f in found.findings] == ["periodic_disturbance"]
+    assert "a phase of its own" in found.findings[0].sentence
     told = found.findings[0].parameters
     assert told["frequency"].value == pytest.approx(1.3, abs=0.002)
     assert told["amplitude"].value == pytest.approx(0.08, rel=0.03)

@@ -26,6 +26,8 @@ def sentence(f: Finding) -> str:
         sizes.append(f"{title(name)} {number(e.value)}{spread}{unit}")
     form = f" {f.form}" if f.form else ""
     said = [f"{place[:1].upper()}{place[1:]}: {title(f.cause)}{form}, {', '.join(sizes)}."]
+    if "phase" in f.parameters:
+        said.append("Every run begins at a phase of its own; this is the first's.")
     g = f.gain
     where = "on held-out driving" if g.held_out else "on the fitted data"
     moves = "rises" if g.after >= g.before else "falls"
