@@ -99,6 +99,11 @@ class PlantSpec:
     input: str
     output: str
 
+    @property
+    def channels(self) -> tuple[str, str]:
+        """Both channels."""
+        return self.input, self.output
+
 
 DEFAULT_PLANTS = (
     PlantSpec("powertrain", "v_cmd", "v"),
@@ -314,8 +319,7 @@ class Config:
     path: Path | None = field(default=None, metadata={"toml": False})
 
     def __post_init__(self):
-        own = {channel for p in self.plants for channel in (p.input, p.output)}
-        known = {*CANONICAL, *self.columns, *own}
+        known = {*CANONICAL, *self.columns, *(c for p in self.plants for c in p.channels)}
         for table in ("units", "sign"):
             for channel in getattr(self, table):
                 place = f"[{table}] {channel}"
@@ -353,7 +357,7 @@ def _require(fine: bool, owner: object, field: str, problem: str, mend: str) -> 
 def canonical_of(plants: Iterable[PlantSpec], vehicle: VehicleGeometry | None) -> dict[str, str]:
     """`CANONICAL`, less the names of a pose that plants have taken where there is no vehicle: `u`
     and `y` of a plant are its own."""
-    own = {channel for p in plants for channel in (p.input, p.output)} if vehicle is None else ()
+    own = {c for p in plants for c in p.channels} if vehicle is None else ()
     return {c: q for c, q in CANONICAL.items() if c not in _POSE or c not in own}
 
 

@@ -137,7 +137,7 @@ def _columns(config: Config, names: Sequence[str], path: Path) -> dict[str, str]
             place = f"[columns] {channel}" if config.path else f"column {name}"
             problem = f"is missing ({config.source}, {place})"
             raise InputError(str(path), f"column {name!r}", problem, nearest(name, names))
-    plain = [*CANONICAL, *(c for p in config.plants for c in (p.input, p.output))]
+    plain = [*CANONICAL, *(c for p in config.plants for c in p.channels)]
     columns = {channel: channel for channel in plain if channel in names} | dict(config.columns)
     taken = list(config.columns.values())
     columns = {c: n for c, n in columns.items() if c in config.columns or n not in taken}

@@ -172,10 +172,10 @@ def estimates(
     slot: Slot, fit: Refit, search: Search, units: tuple[str, str]
 ) -> dict[str, Estimate]:
     """The parameters of a cause by the contract's names, with units."""
-    free = list(fit.hypothesis.free(search.stage))
-    told: dict[str, Estimate] = {}
     if slot.cause == swing.CAUSE:
         return _swinging(slot, fit, search, units)
+    free = list(fit.hypothesis.free(search.stage))
+    told: dict[str, Estimate] = {}
     for j, (name, i, known) in enumerate(zip(slot.names, slot.index, slot.known, strict=True)):
         variance = fit.covariance[free.index(i), free.index(i)] if i in free else math.nan
         std = float(np.sqrt(variance)) if variance >= 0 else math.nan

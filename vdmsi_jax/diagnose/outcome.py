@@ -61,7 +61,7 @@ def _over(h: Hypothesis, used: np.ndarray) -> Hypothesis:
     if h.swing is None:
         return h
     swing = np.zeros((len(used), 2))
-    swing[used] = h.swing if len(h.swing) == used.sum() else h.swing[used]
+    swing[used] = h.swing
     return replace(h, swing=swing)
 
 

@@ -63,6 +63,16 @@ class Hypothesis:
         return None if number is None else float(self.theta[stage.slots[number].index[0]])
 
     @property
+    def den(self) -> Float[np.ndarray, " n"]:
+        """Denominator of the plant, highest power first, in units of its pace."""
+        return np.concatenate([[1.0], self.theta[: self.poles]])
+
+    @property
+    def num(self) -> Float[np.ndarray, " m"]:
+        """Numerator, likewise."""
+        return self.theta[POLES + self.poles - 1 - self.zeros : POLES + self.poles]
+
+    @property
     def order(self) -> str:
         """The paper's name of the order."""
         return f"P{self.poles}Z{self.zeros}"

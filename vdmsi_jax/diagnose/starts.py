@@ -35,8 +35,7 @@ def first_order(stage: Stage) -> list[Hypothesis]:
 
 def nested(stage: Stage, h: Hypothesis) -> Iterable[Hypothesis]:
     """The same plant with a pole, a zero, or both more, from several places."""
-    den = np.concatenate([[1.0], h.theta[: h.poles]])
-    num = h.theta[POLES + h.poles - 1 - h.zeros : POLES + h.poles]
+    den, num = h.den, h.num
     slow = float(np.abs(np.roots(den)).min())
     fast = float(np.abs(np.roots(den)).max())
     limit = 1.0 / (stage.dt * stage.pace)
@@ -53,9 +52,7 @@ def nested(stage: Stage, h: Hypothesis) -> Iterable[Hypothesis]:
 def _reduced(stage: Stage, h: Hypothesis, order: tuple[int, int]) -> tuple[Hypothesis, float]:
     """The slowest poles and stable zeros of a plant, and the delay that what is left out amounts
     to, s."""
-    poles = np.roots(np.concatenate([[1.0], h.theta[: h.poles]]))
-    zeros = np.roots(h.theta[POLES + h.poles - 1 - h.zeros : POLES + h.poles])
-    level = h.theta[POLES + h.poles - 1] / h.theta[h.poles - 1]
+    poles, zeros, level = np.roots(h.den), np.roots(h.num), h.num[-1] / h.den[-1]
     poles = poles[np.argsort(np.abs(poles) + 1e-6 * poles.imag)]
     zeros = zeros[np.argsort(np.where(zeros.real < 0, np.abs(zeros), np.inf))]
     n, m = order
@@ -66,12 +63,17 @@ def _reduced(stage: Stage, h: Hypothesis, order: tuple[int, int]) -> tuple[Hypot
     return plant(h, stage, den, num), float(np.real(gone)) / stage.pace
 
 
+def _number(stage: Stage, cause: str) -> int:
+    """Of the first effect that is this cause."""
+    return next(i for i, slot in enumerate(stage.slots) if slot.cause == cause)
+
+
 def late(stage: Stage, plain: Refit, order: tuple[int, int]) -> Iterable[Hypothesis]:
     """The plain plant reduced to an order, with and without the delay that is lost."""
     if order[0] > plain.hypothesis.poles or order[1] > plain.hypothesis.zeros:
         return
     h, delay = _reduced(stage, plain.hypothesis, order)
-    number = next(i for i, s in enumerate(stage.slots) if s.cause == "transport_delay")
+    number = _number(stage, "transport_delay")
     theta = h.theta.copy()
     theta[stage.slots[number].index[0]] = max(delay, 0.5 * stage.dt)
     yield h
@@ -80,14 +82,13 @@ def late(stage: Stage, plain: Refit, order: tuple[int, int]) -> Iterable[Hypothe
 
 def backward(h: Hypothesis) -> np.ndarray:
     """Zeros of a plant in the right half plane, in its unit of frequency."""
-    zeros = np.roots(h.theta[POLES + h.poles - 1 - h.zeros : POLES + h.poles])
+    zeros = np.roots(h.num)
     return zeros[zeros.real > 0.0]
 
 
 def all_pole(stage: Stage, h: Hypothesis) -> Hypothesis:
     """The same without zeros: what a delay is worth shows beside a plant that cannot tell it."""
-    den = np.concatenate([[1.0], h.theta[: h.poles]])
-    return plant(h, stage, den, h.theta[POLES + h.poles - 1 : POLES + h.poles])
+    return plant(h, stage, h.den, h.num[-1:])
 
 
 def waiting(
@@ -98,7 +99,7 @@ def waiting(
     amounts = float(np.sum(np.real(1.0 / backward(plain.hypothesis)))) / stage.pace
     if amounts <= 0.0:
         return
-    number = next(i for i, s in enumerate(stage.slots) if s.cause == "transport_delay")
+    number = _number(stage, "transport_delay")
     for order in [o for o in _BEHIND if o in grid]:
         for factor in (1.0, 2.0):
             h = grid[order].hypothesis
@@ -111,10 +112,8 @@ def ringing(stage: Stage, plain: Refit) -> list[Hypothesis]:
     """The plain plant with its lightly damped poles, and the zeros nearest to them, told as a
     resonance."""
     h = plain.hypothesis
-    poles = np.roots(np.concatenate([[1.0], h.theta[: h.poles]]))
-    zeros = np.roots(h.theta[POLES + h.poles - 1 - h.zeros : POLES + h.poles])
-    level = h.theta[POLES + h.poles - 1] / h.theta[h.poles - 1]
-    number = next(i for i, s in enumerate(stage.slots) if s.cause == "resonance")
+    poles, zeros, level = np.roots(h.den), np.roots(h.num), h.num[-1] / h.den[-1]
+    number = _number(stage, "resonance")
     made = []
     for p in poles[(poles.imag > 0) & (-poles.real < 0.4 * np.abs(poles)) & (poles.real < 0)]:
         kept = poles[(np.abs(poles - p) > 1e-9) & (np.abs(poles - np.conj(p)) > 1e-9)]

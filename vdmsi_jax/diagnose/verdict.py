@@ -60,6 +60,7 @@ class Evidence:
         left = leftover(self.runs, self.searches, self.bodily)
         left += [broken(c, t.gain.channel) for c, t in trials if t.worth <= 0.0 and loud(c)]
         puzzling = {u.channel for u in left if u.puzzling}
+        scores = {c: self._scores(c) for c in ("baseline", "extended")}
         sure, findings, minor = [], [], []
         for cause, trial in trials:
             if trial.worth <= 0.0:
@@ -68,15 +69,14 @@ class Evidence:
             found = self._finding(cause, trial, road)
             share = max(found.share, trial.gain.typical)
             believed = trial.believed(share, trial.gain.channel in puzzling)
-            of_all = (found.gain.mse_before - found.gain.mse_after) / self._plainly(cause)
+            of_all = self._of_all(cause, trial.gain, scores["baseline"])
             small = share < MINOR or 0.0 <= of_all < MINOR
             small = small or not believed or self._negligible(found)
             (minor if small else findings).append(found)
-        for found in self._quantised():
+        for found in self._quantised(scores["extended"]):
             (findings if found.share >= _COARSE else minor).append(found)
         findings.sort(key=lambda f: -f.share)
         minor.sort(key=lambda f: -f.share)
-        scores = {c: self._scores(c) for c in ("baseline", "extended")}
         budget = self._budget(sure, road)
         taken = {
             c: 1.0 - scores["extended"][c].mse / max(scores["baseline"][c].mse, 1e-300)
@@ -120,13 +120,13 @@ class Evidence:
         )
         return replace(told, summary=summary(told))
 
-    def _plainly(self, cause: Named) -> float:
-        """Squared error of the channel of an actuator's cause with no cause at all."""
-        if cause.search is None:
+    def _of_all(self, cause: Named, gain: Gain, baseline: Mapping[str, ChannelScore]) -> float:
+        """Share that an actuator's cause takes of what its channel errs by with no cause at all;
+        NaN where it is told by another channel."""
+        outputs = [spec.output for spec, own in self.searches.items() if own is cause.search]
+        if gain.channel not in outputs:
             return math.nan
-        stage, y = cause.search.stage, cause.search.baseline.y
-        use = stage.held_out if stage.held_out.sum() > 50 else stage.mask
-        return max(float(np.mean((stage.y - y)[use] ** 2)), 1e-300)
+        return (gain.mse_before - gain.mse_after) / max(baseline[gain.channel].mse, 1e-300)
 
     def _negligible(self, found: Finding) -> bool:
         """Whether it is less than a body's or a plant's own: a sensor that is late by less than
@@ -142,10 +142,10 @@ class Evidence:
         worse = g.ate_before is not None and g.ate_after is not None and g.ate_after > g.ate_before
         return late or (worse and found.share < _DOUBTFUL)
 
-    def _quantised(self) -> list[Finding]:
+    def _quantised(self, scores: Mapping[str, ChannelScore]) -> list[Finding]:
         """Sensors whose measurements come in steps that matter beside what the model leaves."""
         made = []
-        for channel, score in self._scores("extended").items():
+        for channel, score in scores.items():
             if not all(channel in record for record in self.records):
                 continue  # made of others, so not a sensor's
             step = lattice_step(np.concatenate([r[channel] for r in self.records]))
