@@ -12,7 +12,18 @@ from ..diagnose.document import in_words, left_over, title
 from ..diagnose.result import Budget, Diagnosis, Finding, Path, Response
 from .overlays import BASELINE, EXTENDED, best_window, draw_residuals, draw_signals, judged_run
 from .signals import NAMES
-from .style import COLOURS, INK, MUTED, WIDTH, envelope, legend_above, pretty_unit, styled
+from .style import (
+    COLOURS,
+    INK,
+    MUTED,
+    WIDTH,
+    envelope,
+    framed,
+    legend_above,
+    pretty_unit,
+    room_for,
+    styled,
+)
 
 CAUSES = ("#e69f00", "#56b4e9", "#cc79a7", "#d55e00", "#f0e442", "#8da0cb", "#a6761d", "#66a61e")
 """Of the causes in a budget: none of them is the colour of a model."""
@@ -99,7 +110,8 @@ def gains(d: Diagnosis) -> Figure:
     drive has a pose. Without a finding, the FIT of each channel beside its ceiling."""
     road = [f for f in d.findings if f.gain.ate_before is not None]
     rows = len(d.findings) or len(d.channels)
-    figure = Figure(figsize=(WIDTH, 1.5 + 0.55 * max(rows, 1)))
+    columns, left = 2 if road else 1, room_for(_gain_rows(d))
+    figure = framed(1.5 + 0.55 * max(rows, 1), 1, columns, left=left, top=0.55, across=0.3)
     if not road:
         _draw_gains(figure.subplots(), d)
         return figure
@@ -112,14 +124,13 @@ def gains(d: Diagnosis) -> Figure:
 
 def _draw_gains(axes: Axes, d: Diagnosis) -> None:
     axes.set_xlabel("FIT (%)")
+    labels = _gain_rows(d)
     if not d.findings:
-        labels = [NAMES.get(channel, channel) for channel in d.channels]
         at = np.arange(len(labels), dtype=float)
         axes.plot([s.fit for s in d.channels.values()], at, "o", color=BASELINE, label="baseline")
         _ceilings(axes, [score.ceiling for score in d.channels.values()])
         axes.set_title("how well each channel is explained", pad=20)
     else:
-        labels = [_row_label(finding) for finding in d.findings]
         worth = [finding.gain for finding in d.findings]
         at = np.arange(len(labels), dtype=float)
         before, after = (
@@ -148,6 +159,11 @@ def _draw_gains(axes: Axes, d: Diagnosis) -> None:
     drawn, labels = axes.get_legend_handles_labels()
     order = [labels.index(label) for label in sorted(labels, key=_LEGEND.index)]
     legend_above(axes, handles=[drawn[i] for i in order], handletextpad=0.4)
+
+
+def _gain_rows(d: Diagnosis) -> list[str]:
+    """Labels of the rows: the findings, or the channels where there is none."""
+    return [_row_label(f) for f in d.findings] or [NAMES.get(c, c) for c in d.channels]
 
 
 def _row_label(finding: Finding) -> str:
@@ -193,16 +209,27 @@ def _draw_errors(axes: Axes, findings: Sequence[Finding]) -> None:
 def budget(d: Diagnosis) -> Figure:
     """Who is responsible: of the baseline's error of each channel and of the path, the shares of
     each cause, of the noise, and of what stays unexplained."""
-    figure = Figure(figsize=(WIDTH, 1.5 + 0.5 * max(len(d.budget), 1)))
-    axes = figure.subplots()
-    _draw_budget(axes, d.budget)
+    labels, pad = [_budget_label(b) for b in d.budget], _over_budget(_responsible(d.budget))
+    height = 1.5 + 0.5 * max(len(d.budget), 1)
+    figure = framed(height, left=room_for(labels), top=0.25 + pad / 72.0)
+    _draw_budget(figure.subplots(), d.budget)
     return figure
+
+
+def _responsible(budgets: Sequence[Budget]) -> list[str]:
+    """The causes that have a part in any budget."""
+    return list(dict.fromkeys(cause for budget in budgets for cause in budget.parts))
+
+
+def _over_budget(causes: Sequence[str]) -> float:
+    """Room for the lines of a budget's legend, points."""
+    return 8.0 + 12.0 * -(-(len(causes) + 2) // 4)
 
 
 def _draw_budget(axes: Axes, budgets: Sequence[Budget]) -> None:
     """Bars of 100 % of the baseline's error each; a part below zero, which makes things worse, goes
     to the left."""
-    causes = list(dict.fromkeys(cause for budget in budgets for cause in budget.parts))
+    causes = _responsible(budgets)
     tones = {cause: CAUSES[i % len(CAUSES)] for i, cause in enumerate(causes)}
     for row, budget in enumerate(budgets):
         parts = [(cause, part, tones[cause]) for cause, part in budget.parts.items()]
@@ -230,7 +257,7 @@ def _draw_budget(axes: Axes, budgets: Sequence[Budget]) -> None:
     axes.barh([np.nan], [np.nan], color=UNEXPLAINED, hatch="////", ec="white", label="unexplained")
     _rows(axes, [_budget_label(budget) for budget in budgets])
     axes.axvline(0.0, color=INK, lw=0.8)
-    axes.set_title("who is responsible for the error", pad=8.0 + 12.0 * -(-(len(causes) + 2) // 4))
+    axes.set_title("who is responsible for the error", pad=_over_budget(causes))
     axes.set_xlabel("share of the baseline's error (%)")
     legend_above(axes, columns=4)
 
@@ -250,7 +277,7 @@ def paths_before_after(d: Diagnosis) -> Figure:
     """
     if not d.paths:
         raise ValueError("no held-out drive has a pose, so there is no path to draw")
-    figure = Figure(figsize=(WIDTH, 3.9 * len(d.paths)))
+    figure = framed(3.9 * len(d.paths), len(d.paths), 2, down=1.1)
     every = figure.subplots(len(d.paths), 2, squeeze=False, width_ratios=(1.2, 1.0))
     for (left, right), path in zip(every, d.paths, strict=True):
         _draw_path(left, path)
@@ -283,10 +310,10 @@ def _draw_distance(axes: Axes, path: Path) -> None:
         ("extended", path.extended, EXTENDED),
     ):
         distance = np.hypot(*(poses - path.measured)[:, :2].T)
-        label = f"{name}, mean {np.nanmean(distance):.2g} m"
+        label = f"{name}, {np.nanmean(distance):.2g} m"
         axes.plot(*envelope(path.t, distance), color=tone, label=label)
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel("time t (s)")
     axes.set_ylabel("translation error (m)")
-    axes.set_title("distance from the measured position", pad=20)
+    axes.set_title("distance from measured, and mean", pad=20)
     legend_above(axes)

@@ -18,8 +18,8 @@ from .signals import NAMES
 from .style import (
     COLOURS,
     MUTED,
-    WIDTH,
     envelope,
+    framed,
     legend_above,
     pretty_unit,
     styled,
@@ -130,7 +130,7 @@ def overlay(response: Response) -> Figure:
     run = judged_run(response)
     window = best_window(response, run)
     everything = slice(0, len(run.t))
-    figure = Figure(figsize=(WIDTH, 4.8))
+    figure = framed(4.8, 2, 2, down=0.5)
     axes = figure.subplot_mosaic("az;rs", width_ratios=(1.5, 1.0), height_ratios=(1.25, 1.0))
     for name, part, draw in (
         ("a", everything, draw_signals),
@@ -180,8 +180,9 @@ def on_path(response: Response, path: Path) -> Figure:
     at = np.searchsorted(run.t, path.t[rows])
     means = [np.diff(sums[at]) / np.maximum(np.diff(at), 1) for sums in total]
     reach = max(float(np.abs(mean).max(initial=0.0)) for mean in means) or 1.0
-    figure = Figure(figsize=(WIDTH, 4.0))
-    every = figure.subplots(1, len(both), squeeze=False)[0]
+    figure = framed(4.0, 1, len(both) + 1, right=0.95, top=0.35, across=0.45)
+    ratios = [*[1.0] * len(both), 0.02 * len(both)]
+    *every, scale = figure.subplots(1, len(both) + 1, width_ratios=ratios)
     tint = Normalize(-reach, reach)
     tones = colormaps["coolwarm"].resampled(41)  # so few that the bar is no bitmap
     for axes, (name, _, _), mean in zip(every, both, means, strict=True):
@@ -193,7 +194,8 @@ def on_path(response: Response, path: Path) -> Figure:
         axes.set_xlabel("x (m)")
         axes.set_title(f"{response.name}, {name}")
     every[0].set_ylabel("y (m)")
-    bar = figure.colorbar(ScalarMappable(tint, tones), ax=list(every), pad=0.02)
+    bar = figure.colorbar(ScalarMappable(tint, tones), cax=scale)
+    scale.set_label("<colorbar>")
     bar.set_label(unit_label(f"residual of {response.channel}", response.unit))
     return figure
 
@@ -220,7 +222,7 @@ def residual_against(response: Response, command_unit: str | None = None) -> Fig
         ("response", unit_label(f"simulated {output}", response.unit), response.extended),
         ("response rate", unit_label(f"rate of {output}", _per_second(response.unit)), rate),
     )
-    figure = Figure(figsize=(WIDTH, 5.0))
+    figure = framed(5.0, 2, 2, top=0.35, across=0.35)
     every = figure.subplots(2, 2, sharey=True)
     spread = _correlated(response)
     for axes, (title, label, against) in zip(every.flat, panels, strict=True):

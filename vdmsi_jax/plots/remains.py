@@ -3,12 +3,12 @@
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from ..correlation import autocorrelation, spectrum
 from ..diagnose.result import Response
 from .residuals import BOUND
-from .style import COLOURS, INK, MUTED, WIDTH, legend_above, styled
+from .style import COLOURS, INK, MUTED, framed, legend_above, styled
 
 EXTENDED = COLOURS["extended"]
 
@@ -26,7 +26,7 @@ def innovations(response: Response, lag: float = 2.0) -> Figure:
     size = np.nanstd(left) if np.isfinite(left).any() else 1.0
     pieces = [row[: np.flatnonzero(np.isfinite(row))[-1] + 1] for row in left if _any(row)]
     pieces = [piece / (size or 1.0) for piece in pieces]
-    figure = Figure(figsize=(WIDTH, 4.6))
+    figure = framed(4.6, 2, 2, top=0.35)
     axes = figure.subplot_mosaic("tt;sa", height_ratios=(1.0, 1.15))
     _sizes(axes["t"], response, pieces)
     if pieces:
@@ -34,6 +34,10 @@ def innovations(response: Response, lag: float = 2.0) -> Figure:
         if density.frequency.size:
             axes["s"].axhspan(*density.white, **BOUND, label="if white, 95 %")
             axes["s"].loglog(density.frequency, density.density, color=EXTENDED, lw=1.0)
+            axes["s"].yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            for axis in (axes["s"].xaxis, axes["s"].yaxis):
+                axis.set_major_formatter("{x:g}")  # a power of ten is slow to typeset
+                axis.set_minor_formatter(NullFormatter())
             legend_above(axes["s"])
         longest = max(len(piece) for piece in pieces)
         lags = max(min(round(lag / response.dt), longest // 3), 2)

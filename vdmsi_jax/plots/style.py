@@ -7,7 +7,7 @@ Figures are made through matplotlib's objects alone, so that drawing them change
 import functools
 import io
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, ParamSpec
 
 import numpy as np
@@ -43,6 +43,7 @@ _STYLE: dict[Any, Any] = {
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",
     "axes.titlepad": 8.0,
+    "axes.titley": 1.0,  # left to matplotlib, it measures all ticks for it
     "axes.labelsize": 9.0,
     "axes.labelcolor": INK,
     "axes.edgecolor": "#aab0b8",
@@ -76,6 +77,46 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
             return draw(*args, **kwargs)
 
     return drawn
+
+
+def framed(
+    height: float,
+    rows: int = 1,
+    columns: int = 1,
+    *,
+    left: float = 0.85,
+    right: float = 0.1,
+    top: float = 0.5,
+    bottom: float = 0.5,
+    across: float = 0.8,
+    down: float = 0.75,
+) -> Figure:
+    """A figure of the report's width, with room for labels in inches: outside on each side, and
+    between columns (`across`) and rows (`down`).
+
+    To measure every label, as a layout engine does, costs as much as to draw it; a report draws a
+    dozen figures. And axes with the same margins stand in line down the page.
+    """
+    with rc_context({"figure.constrained_layout.use": False}):
+        figure = Figure(figsize=(WIDTH, height))
+    wide = (WIDTH - left - right - (columns - 1) * across) / columns
+    high = (height - top - bottom - (rows - 1) * down) / rows
+    figure.subplots_adjust(
+        left=left / WIDTH,
+        right=1.0 - right / WIDTH,
+        bottom=bottom / height,
+        top=1.0 - top / height,
+        wspace=across / wide,
+        hspace=down / high,
+    )
+    return figure
+
+
+def room_for(labels: Sequence[str]) -> float:
+    """Inches that the longest line of some labels takes, about."""
+    return 0.25 + 0.075 * max(
+        (len(line) for label in labels for line in label.split("\n")), default=0
+    )
 
 
 def to_svg(figure: Figure, name: str) -> str:
