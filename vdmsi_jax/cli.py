@@ -145,8 +145,8 @@ def diagnose(
     report.html.
 
     Args:
-        logs: CSV or NPZ files of one vehicle; of several, the last third judges what the others
-            taught.
+        logs: CSV or NPZ files of one vehicle; of several, a third judges what the others
+            taught: the last, unless its commands are not like theirs.
         out: folder to write to.
         config: TOML file: vehicle, columns, units, plants; canonical columns without one.
         report: write report.html.

@@ -19,6 +19,8 @@ class Parameter:
         off: the value at which the effect is exactly the identity.
         lower, upper: bounds of a fit; an open one where a signed continuation has a meaning, so
             that "off" lies inside and a wrong sign refutes the cause.
+        spread: standard deviation about off that it is believed to have before any data are seen;
+            infinite where nothing is.
         shown: what a report tells instead of the value, where that is its inverse (a limit is
             fitted as 1/limit, since the limit itself is infinite when it is off).
     """
@@ -28,6 +30,7 @@ class Parameter:
     off: float | tuple[float, ...] = 0.0
     lower: float = -math.inf
     upper: float = math.inf
+    spread: float = math.inf
     shown: str = "value"
 
     def tell(self, value: float, std: float) -> tuple[float, float]:

@@ -103,6 +103,20 @@ def backlash(gap: float) -> Cause:
     return Cause(response=play)
 
 
+def pulled_back(gap: float, pace: float) -> Cause:
+    """Play whose output a spring pulls to zero through a damper: Euler in the gap."""
+
+    def play(y, d):
+        out, at = np.empty_like(y), y[0]
+        for k, now in enumerate(y.tolist()):
+            at -= pace * MS * at
+            at = min(max(at, now - gap / 2), now + gap / 2)
+            out[k] = at
+        return out
+
+    return Cause(response=play)
+
+
 def slack(gap: float) -> Cause:
     """Play in what the command moves first."""
     return Cause(rows=backlash(gap).response)

@@ -33,6 +33,7 @@ LENGTH = max(d.distance[-1] for d in DRIVES)
 SLOPES = (
     *(0.0, 0.02, 0.05, 0.08, 0.06, 0.02, -0.03, -0.04),
     *(-0.07, -0.05, 0.0, 0.03, 0.06, 0.04, 0.01, -0.02),
+    *(-0.05, -0.06, -0.02, 0.03, 0.04, 0.05, 0.02, 0.0),
 )
 
 
@@ -105,6 +106,9 @@ CASES = {
     "Saturation response": Case(plain.stops(1.7, -1.5), (1 / 1.7, 1 / 1.5)),
     "Backlash command": Case(plain.slack(0.38), (0.38,), second_order=True),
     "Backlash response": Case(plain.backlash(0.38), (0.38,), second_order=True),
+    "LoadedBacklash load": Case(
+        plain.pulled_back(0.38, 1.3), (0.38, 1.3), (0.05, 0.1), second_order=True, ragged=True
+    ),
     "PeriodicDisturbance": Case(plain.hum(0.81, 0.2, -0.15), (0.81, 0.2, -0.15), screened=True),
     "Offset": Case(plain.added(-0.21), (-0.21,)),
 }

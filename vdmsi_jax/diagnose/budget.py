@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .found import Search
 from .judge import shapley
 from .naming import Named
 from .result import Budget
 from .road import Road, only
-from .search import Search
 
 
 def of_channel(name: str, unit: str, search: Search, causes: Sequence[Named]) -> Budget:

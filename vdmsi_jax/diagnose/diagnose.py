@@ -13,9 +13,10 @@ from ..data.record import Record
 from ..errors import InputError
 from ..programs import make_room
 from .body_search import search_body
+from .found import Search
 from .prepare import Runs, body_of, lay_out, slower, stage_of
 from .result import Diagnosis
-from .search import Search, search
+from .search import search
 from .verdict import Evidence
 
 
@@ -28,8 +29,8 @@ def diagnose(
     """Say what the simulation of a vehicle, or of any plant, gets wrong, and why.
 
     Args:
-        records: logs of one vehicle. Of several, the last third judges and the others are fitted;
-            of a single one its last part judges.
+        records: logs of one vehicle. Of several, a third judges and the others are fitted: the
+            last, unless their commands do not cover it; of a single one, stretches of it judge.
         vehicle: geometry, where the records have none.
         told: is called with what is being done.
 

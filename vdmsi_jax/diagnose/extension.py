@@ -16,8 +16,8 @@ from ..parameters import parameters
 from . import swing
 from .body import CAUSES
 from .body_search import BodySearch
+from .found import Search
 from .refit import Hypothesis
-from .search import Search
 from .stage import LEAD, POLES, Stage, Unravel
 
 
@@ -35,8 +35,8 @@ def extended_model(
     bodily: BodySearch | None,
     records: Sequence[Record],
 ) -> Model:
-    """The same kind of model with the causes in it: all of the final fit, since those that the data
-    held out did not confirm are what the others were judged beside."""
+    """The same kind of model with the causes in it: all of the final fit, the minor ones too, since
+    the others were judged beside them."""
     plants = {}
     for spec, found in searches.items():
         h = found.final.hypothesis

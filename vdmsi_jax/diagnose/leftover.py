@@ -5,16 +5,18 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..config import PlantSpec
+from .body import CAUSES
 from .body_fit import residual
 from .body_search import BodySearch
 from .colour import whiten
-from .naming import Named
+from .found import Failed, Search
 from .prepare import Runs
 from .result import Unexplained
-from .search import Search
+from .stage import Stage
 from .unexplained import history, slow_error, structure
 
 _LOUD = 60.0  # of twice the log-likelihood, from which a cause that fails on other data is told
+_SEEN = 0.005  # of the squared error, from which on it is
 
 
 def leftover(
@@ -29,21 +31,17 @@ def leftover(
     return found
 
 
-def loud(cause: Named) -> bool:
-    """Whether a cause that does not hold on other data was more than chance where it was fitted."""
-    return cause.statistic > _LOUD
-
-
-def broken(cause: Named, channel: str) -> Unexplained:
+def _broken(label: str, channel: str, fraction: float) -> Unexplained:
     """A cause that explains what was fitted and fails on what was held out."""
-    share = 0.0
-    if cause.search is not None and cause.finding is not None:
-        stage = cause.search.stage
-        less, final = (stage.y - f.y for f in (cause.finding.less, cause.search.final))
-        before, after = (float(np.mean(e[stage.mask] ** 2)) for e in (less, final))
-        share = max(1.0 - after / max(before, 1e-300), 0.0)
-    words = f"{cause.label} would explain the data fitted, and fails on the data held out"
-    return Unexplained(channel, share, ("run",), (), words, puzzling=True)
+    words = f"{label} would explain the data fitted, and fails on the data held out"
+    return Unexplained(channel, fraction, ("run",), (), words, puzzling=True)
+
+
+def _failed(stage: Stage, failed: Failed) -> float:
+    """Share of the squared error that a cause took where it was fitted."""
+    fits = (failed.finding.less, failed.final)
+    before, after = (float(np.mean((stage.y - f.y)[stage.mask] ** 2)) for f in fits)
+    return max(1.0 - after / max(before, 1e-300), 0.0)
 
 
 def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
@@ -61,7 +59,14 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     masks = (stage.mask, stage.held_out)
     found = structure(spec.output, e, white, *masks, regressors, runs.names, stage.dt)
     slow = slow_error(spec.output, e, white, stage.y, stage.mask, stage.dt)
-    return found if slow is None else [*found, slow]
+    found += [] if slow is None else [slow]
+    for failed in own.failed:
+        slot = stage.slots[failed.finding.number]
+        label = f"{slot.cause} ({slot.where})"
+        fraction = _failed(stage, failed)
+        if failed.finding.gain > _LOUD and fraction > _SEEN:
+            found.append(_broken(label, spec.output, fraction))
+    return found
 
 
 def _of_body(runs: Runs, found: BodySearch) -> list[Unexplained]:
@@ -73,4 +78,10 @@ def _of_body(runs: Runs, found: BodySearch) -> list[Unexplained]:
     masks = (body.mask["r"], body.held_out["r"])
     e = residual(body, final, "r", masks[0] | masks[1])
     white = whiten(e[None], final.colour["r"][None])[0]
-    return structure("r", e, white, *masks, regressors, runs.names, body.dt)
+    left = structure("r", e, white, *masks, regressors, runs.names, body.dt)
+    for finding, channel, fraction in found.failed:
+        if finding.gain > _LOUD and fraction > _SEEN:
+            cause = CAUSES[finding.number]
+            place = f"{cause.where} {cause.channel}" if cause.channel else cause.where
+            left.append(_broken(f"{cause.cause} ({place})", channel, fraction))
+    return left

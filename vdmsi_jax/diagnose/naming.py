@@ -11,11 +11,10 @@ from .body import CAUSES
 from .body_fit import BodyFit
 from .body_search import BodyFinding, BodySearch
 from .colour import whiten
+from .found import MARGIN, Finding, Search
 from .refit import Refit
 from .result import Estimate, Rival
-from .search import MARGIN, Finding, Search
 from .stage import Slot
-from .starts import backward
 
 _CLEAR = 2.0  # standard errors from which a drift is told as bent
 _HALF = 0.5  # of a value, by which two that are one may differ, however uncertain they are
@@ -23,6 +22,7 @@ _HALF = 0.5  # of a value, by which two that are one may differ, however uncerta
 _FORMS = {
     ("at", "command"): "of the command",
     ("at", "response"): "of the response",
+    ("at", "load"): "of the response, which a load pulls back",
     ("by", "command"): "by the sign of the command",
     ("by", "effort"): "by the sign of the effort",
     ("against", "rate"): "against the motion of the response",
@@ -276,15 +276,3 @@ def told_unit(slot: Slot, j: int, units: tuple[str, str]) -> str:
     if at == "command":
         unit = unit.replace("response", "command")
     return unit.replace("command", units[0]).replace("response", units[1])
-
-
-def without(search: Search, finding: Finding) -> Refit:
-    """The model without a cause: the best plant without any, where it is the only one and that
-    plant is no larger, since a larger one may imitate a cause by poles and zeros that are none, and
-    does not tell a delay by its zeros."""
-    plain, final = search.baseline.hypothesis, search.final.hypothesis
-    larger = plain.poles + plain.zeros > final.poles + final.zeros
-    delayed = search.stage.slots[finding.number].cause == "transport_delay"
-    told = delayed and backward(plain).size > 0
-    several = len(search.findings) > 1
-    return finding.less if larger or several or told else search.baseline

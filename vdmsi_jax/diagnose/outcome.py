@@ -15,6 +15,7 @@ from .refit import (
     Refit,
     inverse,
     project,
+    pulled,
     repaint,
     residual,
     responses,
@@ -41,7 +42,8 @@ def completed(stage: Stage, fits: Sequence[Refit]) -> list[Refit]:
         lane = Lane(f.hypothesis, free, y, f.states, f.colour)
         repaint(stage, lane, counted)
         white = whitened(np.where(stage.mask, J, 0.0), lane, counted)
-        covariance = inverse(project(stage, lane, counted, white)) * f.variance
+        normal = project(stage, lane, counted, white) + np.diag(pulled(stage, lane, counted))
+        covariance = inverse(normal) * f.variance
         whole = y.copy()
         whole[used] = f.y
         own = f.hypothesis.swing

@@ -14,7 +14,8 @@ from ..data.segment import Segment
 from ..effects import ACTUATOR, AbstractEffect, Scales, Signals
 from ..models.bicycle import Bicycle
 from .body import CHANNELS, WINDOW, Body, increments
-from .search import Search
+from .found import Search
+from .held_out import judges
 from .stage import Stage
 from .windows import moving_mean
 
@@ -132,12 +133,11 @@ def slower(record: Record) -> Record:
 
 
 def lay_out(records: Sequence[Record]) -> Runs:
-    """Put the segments of records side by side and choose what is held out: the last third of the
-    records, or, of a single one, three tenths of each segment that lie apart, since its end may
-    show another regime."""
+    """Put the segments of records side by side and choose what is held out: a third of the records,
+    or, where none can judge the others, three tenths of each segment that lie apart, since its end
+    may show another regime."""
     pieces = []
-    count = len(records)
-    judges = set(range(count - max(1, round(count / 3)), count)) if count > 1 else set()
+    judging = judges(records)
     many = sum(len(s) for r in records for s in r.segments) > _MOST
     at_once = _STRETCH if many else _LONGEST
     for k, record in enumerate(records):
@@ -146,7 +146,11 @@ def lay_out(records: Sequence[Record]) -> Runs:
             edges = np.linspace(segment.start, segment.stop, parts + 1).astype(int)
             first = next(s.start for s in record.segments if s.run == segment.run)
             for a, b in zip(edges[:-1], edges[1:], strict=True):
-                whole = ((0, int(b - a)),) if k in judges else ()
+                n = int(b - a)
+                if judging is None:
+                    spans = _apart(n)
+                else:
+                    spans = ((0, n),) if k in judging else ()
                 pieces.append(
                     (
                         segment.run,
@@ -154,7 +158,7 @@ def lay_out(records: Sequence[Record]) -> Runs:
                         int(a),
                         int(b),
                         float(record.t[a] - record.t[first]),
-                        whole if count > 1 else _apart(int(b - a)),
+                        spans,
                     )
                 )
     longest = max(p[3] - p[2] for p in pieces)
@@ -228,7 +232,8 @@ def make_stage(name, u, y, mask, held_out, shared, allowed, wheres, dt) -> Stage
     noise = white_noise_std(pieces)
     scales = Scales(
         float(low), float(high), float(y_low), float(y_high),
-        rate=1.0, speed=float(np.mean(np.abs(shared[1][known]))), distance=float(shared[3].max()),
+        rate=1.0, speed=float(np.mean(np.abs(shared[1][known]))),
+        distance=float(shared[3][mask].max()),
         duration=max(lengths) * dt, dt=dt, time_constant=1.0,
         noise=float(noise) if np.isfinite(noise) else 0.0,
     )  # fmt: skip

@@ -16,6 +16,7 @@ from jaxtyping import Float
 
 from . import swing
 from .colour import autoregression, filter_length, whiten
+from .free_response import free_response
 from .stage import LEAD, POLES, Stage
 
 _STEP = 1e-4  # of a parameter's usual size, for differences
@@ -104,6 +105,10 @@ class Refit:
     variance: float
     covariance: Float[np.ndarray, "p p"]
 
+    def error(self, stage: Stage) -> float:
+        """Mean squared residual of the samples that count in a fit."""
+        return float(np.mean((stage.y - self.y)[stage.mask] ** 2))
+
 
 @dataclass
 class Lane:
@@ -158,6 +163,7 @@ def refit(
     for k in range(rounds):
         for lane in lanes:
             lane.cost = float(project(stage, lane, counted, lane.white_error[None])[0, 0])
+            lane.cost += unlikely(stage, lane, counted, lane.hypothesis.theta)
             lane.settled = False
         for _ in range(steps):
             moving = [lane for lane in lanes if not lane.settled]
@@ -200,32 +206,11 @@ def usable(stage: Stage) -> np.ndarray:
 
 def _states(stage: Stage, h: Hypothesis) -> np.ndarray:
     """Response at the rows to each state at the first row, and to a swing of each phase."""
-    n = h.poles
-    A = np.eye(n, k=1)
-    A[:, 0] -= h.theta[:n]
-    step = _expm(A * (stage.pace * stage.dt))
-    rows, power, length = np.eye(n)[:1], step, stage.u.shape[1]
-    while len(rows) < length:
-        rows = np.concatenate([rows, rows @ power])
-        power = power @ power
-    rows = rows[:length]
-    rows = np.where(np.isfinite(rows) & (np.abs(rows) < 1e6), rows, 0.0)
+    rows = free_response(h.den, stage.pace * stage.dt, stage.u.shape[1])
     frequency = h.frequency(stage)
     if frequency is None:
         return rows
     return np.concatenate([rows, swing.columns(stage, frequency).T], axis=1)
-
-
-def _expm(M: np.ndarray) -> np.ndarray:
-    norm = np.abs(M).sum(axis=1).max()
-    squarings = int(np.clip(np.ceil(np.log2(max(norm, 1e-300) / 0.25)), 0, 60))
-    scaled, term, total = M / 2**squarings, np.eye(len(M)), np.eye(len(M))
-    for k in range(1, 14):
-        term = term @ scaled / k
-        total = total + term
-    for _ in range(squarings):
-        total = total @ total
-    return total
 
 
 def bounded(stage: Stage, y: np.ndarray) -> np.ndarray:
@@ -242,10 +227,24 @@ def whitened(x: np.ndarray, lane: Lane, counted: np.ndarray) -> np.ndarray:
     return whiten(x[None], lane.colour[None])[0] * counted
 
 
+def _variance(lane: Lane, counted: np.ndarray) -> float:
+    """Of the innovations, as a lane stands."""
+    return max(float(np.sum(lane.white_error**2)) / counted.sum(), 1e-300)
+
+
 def _prior(stage: Stage, lane: Lane, counted: np.ndarray) -> float:
     """What holds the free states, in units of the innovations."""
-    variance = max(float(np.sum(lane.white_error**2)) / counted.sum(), 1e-300)
-    return variance / (FREE_STATE * stage.scales.response) ** 2
+    return _variance(lane, counted) / (FREE_STATE * stage.scales.response) ** 2
+
+
+def pulled(stage: Stage, lane: Lane, counted: np.ndarray) -> Float[np.ndarray, " p"]:
+    """What holds the free parameters that are believed to be small, likewise."""
+    return _variance(lane, counted) * stage.ridge[lane.free]
+
+
+def unlikely(stage: Stage, lane: Lane, counted: np.ndarray, theta: np.ndarray) -> float:
+    """What that costs, likewise."""
+    return _variance(lane, counted) * float(stage.ridge @ (theta - stage.off) ** 2)
 
 
 def project(
@@ -301,11 +300,12 @@ def _advance(stage: Stage, lanes: list[Lane], counted: np.ndarray) -> None:
         assert lane.white_slopes is not None
         rows = np.concatenate([lane.white_error[None], lane.white_slopes])
         gram = project(stage, lane, counted, rows)
-        normal, slope = gram[1:, 1:], gram[1:, 0]
+        theta, pull = lane.hypothesis.theta, pulled(stage, lane, counted)
+        away = (theta - stage.off)[lane.free]
+        normal, slope = gram[1:, 1:] + np.diag(pull), gram[1:, 0] - pull * away
         scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
         scales.append(scale)
         unit, rhs = normal / np.outer(scale, scale), slope / scale
-        theta = lane.hypothesis.theta
         for factor in _DAMPINGS:
             step = np.linalg.solve(unit + lane.damping * factor * np.eye(len(unit)), rhs) / scale
             new = theta.copy()
@@ -316,7 +316,9 @@ def _advance(stage: Stage, lanes: list[Lane], counted: np.ndarray) -> None:
     colours = np.stack([lane.colour for lane in lanes])
     errors = whiten(residual(stage, answers), colours) * counted
     for i, lane in enumerate(lanes):
+        own = trials[tried * i : tried * (i + 1)]
         costs = np.diag(project(stage, lane, counted, errors[i]))
+        costs = costs + [unlikely(stage, lane, counted, h.theta) for h in own]
         best = int(np.argmin(np.where(np.isfinite(costs), costs, np.inf)))
         serves = lane.drift < _HELPS
         if costs[best] < lane.cost:
@@ -433,8 +435,10 @@ def _finish(stage: Stage, lanes: list[Lane], counted: np.ndarray) -> list[Refit]
         left = residual(stage, y)
         plain = max(float(np.sum(left**2)) / n, 1e-300)
         slow = 0.5 * n / (BEYOND * lane.colour.size) * float(np.log(plain))
-        loglik = -0.5 * n * float(np.log(variance)) - slow
-        covariance = inverse(project(stage, lane, counted, lane.white_slopes)) * variance
+        away = lane.hypothesis.theta - stage.off
+        loglik = -0.5 * (n * float(np.log(variance)) + float(stage.ridge @ away**2)) - slow
+        normal = project(stage, lane, counted, lane.white_slopes)
+        covariance = inverse(normal + np.diag(pulled(stage, lane, counted))) * variance
         found.append(
             Refit(
                 lane.hypothesis, loglik, y, lane.y, lane.states, lane.colour, variance, covariance

@@ -7,11 +7,11 @@ import numpy as np
 
 from .body import travel
 from .body_search import BodySearch
-from .naming import Named, without
+from .found import Search
+from .naming import Named
 from .prepare import Runs
 from .refit import Hypothesis, responses
 from .result import Path
-from .search import Search
 
 
 class Road:
@@ -83,7 +83,7 @@ class Road:
         theta = self.bodily.final.theta
         if cause.search is not None and cause.finding is not None:
             channel = next(c for c, s in self.searches.items() if s is cause.search)
-            responses[channel] = without(cause.search, cause.finding).y
+            responses[channel] = cause.search.without(cause.finding).y
         if cause.body is not None:
             theta = cause.body.less.theta
         return self.mean(self._drive(responses, theta))

@@ -2,10 +2,12 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from .found import Failed, Finding, Search
+from .judge import Scored, confirmed, gain_of
 from .outcome import completed, steadiness
 from .refit import Hypothesis, Refit, refit, responses
 from .screen import RAGGED, Candidate, screen
@@ -15,6 +17,7 @@ from .starts import (
     backward,
     bent,
     first_order,
+    hilly,
     late,
     mirrored,
     nested,
@@ -34,10 +37,6 @@ BACKWARD_COST = CAUSE_COST + PARAMETER_COST
 """Of zeros in the right half plane: an actuator that first moves the wrong way is a delay told by
 a rational function, and pays as one."""
 PHASE_COST = 4.0  # of what swings, in each further run
-MARGIN = 7.5
-"""Two explanations whose log-likelihoods differ by less than half of this are not told apart: with
-it the truth stands in the set in 99.7 % of cases."""
-
 _REFITTED = 10  # candidates of a screen that are refitted
 _SMALLER = 2  # smaller plants that are screened
 _FROM_SMALLER = 4  # candidates of the screens of smaller plants that are refitted
@@ -51,56 +50,10 @@ _RIVALS = 8  # that are told
 _LIGHT, _TOLD = 0.15, 10.0  # damping of a mode, and what its name may cost
 _LITTLE = 0.01  # of what the poles are worth that tell a mode, which its name may cost
 _GROWS = 50.0  # that a cause in a small plant must gain for larger ones to be tried with it
+_MUCH, _SURE = 0.4, 2.5  # share of the error, and standard errors, that data held out bear out
+_SLOW = 4.0  # squared error over innovations, from which on a part of it is slow
+_WORSENED = 0.2  # of the squared error on data held out, by which a cause may raise it
 _REACH = 60.0  # that a candidate may lie behind the best after a few steps
-
-
-@dataclass(frozen=True, eq=False)
-class Finding:
-    """A cause that the evidence supports.
-
-    Attributes:
-        number: of the effect in its stage.
-        gain: twice the log-likelihood that it is worth in the final model.
-        less: the final model without it, refitted.
-        others: numbers of the effects that were tried in its place, with what they lack in twice
-            the log-likelihood; those within `MARGIN` explain the data as well.
-        alike: those of them that lack more, but not from block to block of the data (Vuong,
-            Likelihood ratio tests for model selection and non-nested hypotheses, 1989).
-        promised: what the screen had predicted for it.
-    """
-
-    number: int
-    gain: float
-    less: Refit
-    others: tuple[tuple[int, float], ...] = ()
-    promised: float = 0.0
-    alike: tuple[int, ...] = ()
-
-    @property
-    def rivals(self) -> tuple[int, ...]:
-        """The effects that explain the data as well."""
-        return tuple(k for k, lack in self.others if lack < MARGIN or k in self.alike)
-
-
-@dataclass(frozen=True, eq=False)
-class Search:
-    """What was found in a stage.
-
-    Attributes:
-        stage: the data.
-        plain: the best plant without causes.
-        baseline: the plant of the final order without causes.
-        final: the plant with its causes.
-        findings: the strongest first.
-        screened: the screen of the baseline, best first.
-    """
-
-    stage: Stage
-    plain: Refit
-    baseline: Refit
-    final: Refit
-    findings: tuple[Finding, ...]
-    screened: tuple[Candidate, ...]
 
 
 def price(stage: Stage, h: Hypothesis) -> float:
@@ -129,8 +82,39 @@ def search(stage: Stage) -> Search:
         if other is None or score(stage, other) < score(stage, now) + SWAPPED:
             break
         now = other
+    else:
+        findings, _ = _findings(stage, now, seen)
+    failed: list[Failed] = []
+    while True:
+        found = _whole(whole, stage, plain, grid, now, findings)
+        worth = [_confirmed(found, f) for f in found.findings]
+        numbers = {f.finding.number for f in failed}
+        if not worth or (min(worth) > 0.0 and not _worsened(found)):
+            more = _borne_out(found, seen, numbers)
+            if more is None:
+                return replace(found, screened=tuple(screened), failed=tuple(failed))
+            now = more
+        else:
+            worst = worth.index(min(worth))
+            now = findings[worst].less
+            causes = [stage.slots[f.number].cause for f in findings]
+            if causes.count(causes[worst]) == 1:  # else its other form stands for it
+                failed.append(Failed(found.findings[worst], found.final))
+                now = _instead(stage, now, seen, {*numbers, findings[worst].number})
+        findings, _ = _findings(stage, now, seen)
+
+
+def _whole(
+    whole: Stage,
+    stage: Stage,
+    plain: Refit,
+    grid: Mapping[tuple[int, int], Refit],
+    now: Refit,
+    findings: Sequence[Finding],
+) -> Search:
+    """What was found in the runs that were fitted, over all runs."""
     bare = replace(now.hypothesis, active=(), theta=_cleared(stage, now.hypothesis))
-    order = (now.hypothesis.poles, now.hypothesis.zeros)
+    order = _order(now.hypothesis)
     baseline = grid[order] if order in grid else refit(stage, [bare])[0]
     if score(stage, plain) > score(stage, baseline) or not findings:
         baseline = plain
@@ -139,7 +123,71 @@ def search(stage: Stage) -> Search:
     kept = [plain, baseline, now, *(f.less for f in findings)]
     plain, baseline, now, *less = completed(whole, kept)
     findings = tuple(replace(f, less=k) for f, k in zip(findings, less, strict=True))
-    return Search(whole, plain, baseline, now, findings, tuple(screened))
+    return Search(whole, plain, baseline, now, findings, ())
+
+
+def _confirmed(found: Search, finding: Finding) -> float:
+    """Twice the log-likelihood that a cause gains on data held out, beside all the others, or as
+    much less than nothing where the plain error gets clearly worse; what it gained in the fit where
+    none is held out."""
+    stage = found.stage
+    if stage.held_out.sum() <= 50:
+        return finding.gain
+    less = found.without(finding)
+    scored = Scored("", stage.y, less.y, found.final.y, found.final.colour)
+    worth = confirmed(scored, stage.held_out, stage.dt)[0]
+    return worth if scored.taken(stage.held_out) > -_WORSENED else -abs(worth)
+
+
+def _instead(stage: Stage, less: Refit, seen: Mapping[tuple, Refit], failed: set[int]) -> Refit:
+    """The best model that has the causes of `less` and none that failed."""
+    kept = set(less.hypothesis.active)
+    fits = [
+        f
+        for f in seen.values()
+        if kept <= set(f.hypothesis.active) and not failed & set(f.hypothesis.active)
+    ]
+    return max([less, *fits], key=lambda f: score(stage, f))
+
+
+def _worsened(found: Search) -> bool:
+    """Whether the error of data held out is clearly larger than without any cause."""
+    held, stage = found.stage.held_out, found.stage
+    if held.sum() <= 50:
+        return False
+    before, after = (np.mean((stage.y - f.y)[held] ** 2) for f in (found.plain, found.final))
+    return bool(after > (1.0 + _WORSENED) * before)
+
+
+def _borne_out(found: Search, seen: Mapping[tuple, Refit], failed: set[int]) -> Refit | None:
+    """The final model with a cause more that is not worth its price where it was fitted, and yet
+    takes much of the error, there and on data held out: of what is slow, an estimated colour takes
+    most of the evidence. Hills, which are slow, are always among them."""
+    stage, final = found.stage, found.final
+    if stage.held_out.sum() <= 50:
+        return None
+    seen_error = final.error(stage)
+    had = set(final.hypothesis.active)
+    h = final.hypothesis
+    if h.swing is not None:
+        h = replace(h, swing=h.swing[stage.mask.any(axis=1)])
+    more = [] if seen_error < _SLOW * final.variance else hilly(stage.fitting, h)
+    fits = [
+        f
+        for f in [*seen.values(), *refit(stage.fitting, more)]
+        if had < set(f.hypothesis.active) and len(f.hypothesis.active) == len(had) + 1
+        if not failed & set(f.hypothesis.active)
+        if f.loglik > final.loglik and f.error(stage.fitting) < (1.0 - _MUCH) * seen_error
+    ]
+    best, most = None, _MUCH
+    for f, whole in zip(fits, completed(stage, fits) if fits else [], strict=True):
+        scored = Scored("", stage.y, final.y, whole.y, whole.colour)
+        gain = gain_of(scored, stage.held_out, True, stage.dt)
+        worth = confirmed(scored, stage.held_out, stage.dt)[0]
+        sure = gain.after - gain.before > _SURE * gain.se
+        if sure and worth > CAUSE_COST and scored.taken(stage.held_out) > most:
+            best, most = f, scored.taken(stage.held_out)
+    return best
 
 
 def _climbed(
@@ -161,8 +209,10 @@ def _climbed(
         starts = [joined(now.hypothesis, c) for c in promising]
         if now is plain:
             starts += _in_smaller(stage, plain, grid)
-        elif not rings:  # or the plant would take the mode back
-            starts += _promising(stage, list(nested(stage, now.hypothesis)), 1)
+        else:
+            starts += [h for order in (*_SMALL, (3, 0)) for h in late(stage, now, order)]
+            if not rings:  # or the plant would take the mode back
+                starts += _promising(stage, list(nested(stage, now.hypothesis)), 1)
         most = max((c.gain for c in promising), default=0.0)
         fits = _best_of_each(refit(stage, starts, worth=worth, reach=max(_REACH, 0.5 * most)))
         if now is plain:
@@ -174,7 +224,12 @@ def _climbed(
             better = [f for f in fits if _rings(stage, f, plain, grid)]
             rings = bool(better)
         if now is not plain:
-            better = [f for f in better if steadiness(stage, now, f) > _STEADY]
+            size = now.hypothesis.size(stage)
+            better = [
+                f
+                for f in better
+                if f.hypothesis.size(stage) < size or steadiness(stage, now, f) > _STEADY
+            ]
         if not better:
             break
         now = max(better, key=lambda f: score(stage, f))

@@ -115,6 +115,14 @@ class Stage:
         return low, high
 
     @cached_property
+    def ridge(self) -> Float[np.ndarray, " P"]:
+        """Inverse variances that parameters are believed to have about off; zero for most."""
+        weight = np.zeros(self.off.size)
+        for slot in self.slots:
+            weight[list(slot.index)] = [1.0 / known.spread**2 for known in slot.known]
+        return weight
+
+    @cached_property
     def usual(self) -> Float[np.ndarray, " P"]:
         """Sizes that the parameters usually have, for differences and damping."""
         size = np.ones(self.off.size)

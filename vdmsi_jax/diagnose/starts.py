@@ -69,7 +69,8 @@ def _number(stage: Stage, cause: str) -> int:
 
 
 def late(stage: Stage, plain: Refit, order: tuple[int, int]) -> Iterable[Hypothesis]:
-    """The plain plant reduced to an order, with and without the delay that is lost."""
+    """A plant reduced to an order, with the causes that it has, and with and without the delay that
+    is lost."""
     if order[0] > plain.hypothesis.poles or order[1] > plain.hypothesis.zeros:
         return
     h, delay = _reduced(stage, plain.hypothesis, order)
@@ -77,7 +78,8 @@ def late(stage: Stage, plain: Refit, order: tuple[int, int]) -> Iterable[Hypothe
     theta = h.theta.copy()
     theta[stage.slots[number].index[0]] = max(delay, 0.5 * stage.dt)
     yield h
-    yield Hypothesis(h.poles, h.zeros, (number,), theta)
+    if number not in h.active:
+        yield replace(h, active=tuple(sorted({*h.active, number})), theta=theta)
 
 
 def backward(h: Hypothesis) -> np.ndarray:
@@ -158,6 +160,16 @@ def bent(stage: Stage, first: Refit) -> list[Hypothesis]:
             scaled[POLES] *= gain
             best[number] = (error, scaled)
     return [Hypothesis(1, 0, (number,), theta) for number, (_, theta) in best.items()]
+
+
+def hilly(stage: Stage, h: Hypothesis) -> list[Hypothesis]:
+    """The same with hills, next to level ones, where there may be any."""
+    number = _number(stage, "road_grade")
+    if number in h.active or number not in stage.allowed:
+        return []
+    theta = h.theta.copy()
+    theta[list(stage.slots[number].index)] = 1e-4
+    return [replace(h, active=tuple(sorted({*h.active, number})), theta=theta)]
 
 
 def plant(h: Hypothesis, stage: Stage, den: np.ndarray, num: np.ndarray) -> Hypothesis:

@@ -10,34 +10,30 @@ from ..config import PlantSpec
 from ..data.record import Record
 from .body import CAUSES, CHANNELS
 from .body_fit import residual
-from .body_search import BodySearch, at_fixed
+from .body_search import BodySearch, at_fixed, chained
 from .budget import of_channel, of_path
 from .colour import whiten
 from .detectability import detectable
 from .extension import extended_model, plain_model
+from .found import Search
 from .judge import Scored, Trial, confirmed, fit_percent, gain_of
 from .lattice import lattice_step
-from .leftover import broken, leftover, loud
+from .leftover import leftover
 from .manoeuvres import separate
-from .naming import Named, merged, of_body, of_stage, without
+from .naming import Named, merged, of_body, of_stage
 from .prepare import Runs, steering_angle
 from .refit import Refit, refit
 from .result import ChannelScore, Diagnosis, Estimate, Finding, Gain, Response, Rival
 from .road import Road
 from .screen import screen
-from .search import Search, joined
+from .search import joined
+from .weighing import MINOR, Weighing, overshadowed
 from .words import sentence, summary
-
-MINOR = 0.02
-"""Share of the held-out squared error of its channel, with no cause or with all others, below which
-a significant cause is minor."""
 
 _SERIOUS, _MOSTLY = 0.02, 0.3  # share of structure in a residual that is spoken of, and that weighs
 _SETTLED = 0.75  # share of a channel's error from which on findings have explained it
 _ELSEWHERE = 0.08  # slow error, of a response's spread, that weighs beside findings elsewhere
 _COARSE = 0.1  # share of a rounding in what a model leaves, from which it is a finding
-_DAMPED = 0.24  # ratio, from which a mode is rather two poles that the plant lacks
-_DOUBTFUL = 0.05  # share of a cause that makes the path no better, below which it is minor
 
 _TWINS = {"powertrain": "v", "steering": "delta"}
 _SENSED = {"transport_delay": "sensor_delay", "offset": "sensor_bias"}
@@ -58,25 +54,23 @@ class Evidence:
         road = self._road()
         trials = [(cause, self._trial(cause)) for cause in self._causes()]
         left = leftover(self.runs, self.searches, self.bodily)
-        left += [broken(c, t.gain.channel) for c, t in trials if t.worth <= 0.0 and loud(c)]
         puzzling = {u.channel for u in left if u.puzzling}
         scores = {c: self._scores(c) for c in ("baseline", "extended")}
+        weighing = Weighing(self.searches, self.runs, scores["baseline"], scores["extended"])
         sure, findings, minor = [], [], []
         for cause, trial in trials:
             if trial.worth <= 0.0:
                 continue
             sure.append(cause)
             found = self._finding(cause, trial, road)
-            share = max(found.share, trial.gain.typical)
-            believed = trial.believed(share, trial.gain.channel in puzzling)
-            of_all = self._of_all(cause, trial.gain, scores["baseline"])
-            small = share < MINOR or 0.0 <= of_all < MINOR
-            small = small or not believed or self._negligible(found)
+            small = weighing.minor(cause, trial, found, trial.gain.channel in puzzling)
             (minor if small else findings).append(found)
         for found in self._quantised(scores["extended"]):
             (findings if found.share >= _COARSE else minor).append(found)
         findings.sort(key=lambda f: -f.share)
-        minor.sort(key=lambda f: -f.share)
+        beside = [f for f in findings if overshadowed(f, findings)]
+        findings = [f for f in findings if f not in beside]
+        minor = sorted([*minor, *beside], key=lambda f: -f.share)
         budget = self._budget(sure, road)
         taken = {
             c: 1.0 - scores["extended"][c].mse / max(scores["baseline"][c].mse, 1e-300)
@@ -119,28 +113,6 @@ class Evidence:
             summary="",
         )
         return replace(told, summary=summary(told))
-
-    def _of_all(self, cause: Named, gain: Gain, baseline: Mapping[str, ChannelScore]) -> float:
-        """Share that an actuator's cause takes of what its channel errs by with no cause at all;
-        NaN where it is told by another channel."""
-        outputs = [spec.output for spec, own in self.searches.items() if own is cause.search]
-        if gain.channel not in outputs:
-            return math.nan
-        return (gain.mse_before - gain.mse_after) / max(baseline[gain.channel].mse, 1e-300)
-
-    def _negligible(self, found: Finding) -> bool:
-        """Whether it is less than a body's or a plant's own: a sensor that is late by less than
-        half a sample, tyres by less than one, a mode as damped as a mode may be; or a small gain in
-        one channel that is none on the road."""
-        value, dt = next(iter(found.parameters.values())).value, self.runs.dt
-        late = found.cause in ("sensor_delay", "sensor_lag") and abs(value) < 0.5 * dt
-        if found.cause == "tyre_relaxation":
-            late = value < dt * float(np.mean(np.abs(self.runs.channel("v"))))
-        if found.cause == "resonance":
-            late = found.parameters["damping"].value > _DAMPED
-        g = found.gain
-        worse = g.ate_before is not None and g.ate_after is not None and g.ate_after > g.ate_before
-        return late or (worse and found.share < _DOUBTFUL)
 
     def _quantised(self, scores: Mapping[str, ChannelScore]) -> list[Finding]:
         """Sensors whose measurements come in steps that matter beside what the model leaves."""
@@ -211,7 +183,7 @@ class Evidence:
         if cause.search is not None and cause.finding is not None:
             stage, final = cause.search.stage, cause.search.final
             name = next(s.output for s, f in self.searches.items() if f is cause.search)
-            less = without(cause.search, cause.finding)
+            less = cause.search.without(cause.finding)
             scored = Scored(name, stage.y, less.y, final.y, final.colour)
             held = bool(stage.held_out.sum() > 50)
             use = stage.held_out if held else stage.mask
@@ -219,15 +191,11 @@ class Evidence:
             tried.append((scored, use, held))
         if cause.body is not None and self.bodily is not None:
             body, final, less = self.bodily.body, self.bodily.final, cause.body.less
-            for c, y in body.measured.items():
-                held = bool(body.held_out[c].sum() > 50)
-                use = body.held_out[c] if held else body.mask[c]
-                # what the chain rule passes on is taken out
-                before, after = (y - residual(body, f, c, use) for f in (less, final))
-                chained = Scored(c, y, before, after, final.colour[c])
-                sure.append(confirmed(chained, use, body.dt))
-                whole = replace(chained, before=less.predicted[c], after=final.predicted[c])
-                tried += [(whole, use, held), (chained, use, held)]
+            for c in body.measured:
+                scored, use, held = chained(body, final, less, c)
+                sure.append(confirmed(scored, use, body.dt))
+                whole = replace(scored, before=less.predicted[c], after=final.predicted[c])
+                tried += [(whole, use, held), (scored, use, held)]
         scored, use, held = max(tried, key=lambda t: t[0].taken(t[1]))
         worth, variance = (sum(parts) for parts in zip(*sure, strict=True))
         gain = gain_of(scored, use, held, self.runs.dt)
@@ -382,14 +350,11 @@ class Evidence:
         return found if road is None else [*found, of_path(road, causes)]
 
     def _held_out(self) -> str:
-        if len(self.records) > 1:
-            judges = [
-                r.name
-                for r, spans in zip(self.runs.records, self.runs.judged, strict=True)
-                if spans
-            ]
-            return "whole logs: " + ", ".join(dict.fromkeys(judges))
-        return "the third, sixth and ninth tenth of each stretch of the log"
+        runs = self.runs
+        if all(runs.judged):
+            return "the third, sixth and ninth tenth of each stretch of the logs"
+        judges = [r.name for r, spans in zip(runs.records, runs.judged, strict=True) if spans]
+        return "whole logs: " + ", ".join(dict.fromkeys(judges))
 
 
 def _in_place(found: Search, less: Refit, number: int) -> Refit:

@@ -5,7 +5,7 @@ from typing import ClassVar, Literal
 import equinox as eqx
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from vdmsi_jax.effects.base import AbstractEffect, Scales, Signals
 from vdmsi_jax.parameters import parameter
@@ -42,11 +42,41 @@ class Backlash(AbstractEffect):
         return _played(y, self.gap) if self.at == "response" else y
 
 
-def _played(y: Float[Array, " M"], gap: Float[Array, ""]) -> Float[Array, " M"]:
+class LoadedBacklash(AbstractEffect):
+    """Play of what a load pulls back to zero, as tyres pull road wheels straight: within the gap
+    the response does not rest but creeps back, damped, until it leans on the gap's inner side.
+    Pulled back at once, it has a dead zone.
+
+    Attributes:
+        at: what plays.
+
+    Source: Nordin and Gutman, Controlling mechanical systems with backlash (2002), the model with a
+    damped shaft, whose load is a spring here.
+    """
+
+    cause: ClassVar[str] = "backlash"
+
+    gap: Float[Array, ""] = parameter("response", "full width of the play", lower=0.0)
+    centring: Float[Array, ""] = parameter("1/s", "pace of the return to zero", lower=0.0)
+    at: Literal["load"] = eqx.field(static=True, default="load")
+
+    def probes(self, scales: Scales) -> list[tuple[float, ...]]:
+        paces = (0.1 / scales.time_constant, 1.0 / scales.time_constant)
+        return [(k * scales.response, c) for k in (0.03, 0.08, 0.2) for c in paces]
+
+    def output(self, y: Float[Array, " M"], signals: Signals) -> Float[Array, " M"]:
+        return _played(y, self.gap, jnp.exp(-self.centring * signals.h))
+
+
+def _played(
+    y: Float[Array, " M"], gap: Float[Array, ""], kept: Float[ArrayLike, ""] = 1.0
+) -> Float[Array, " M"]:
+    """What follows `y` with play; within the gap it keeps a share of where it was."""
     half = 0.5 * gap
 
     def follow(rest: Array, y: Array) -> tuple[Array, Array]:
         # each side by itself: without play both bounds coincide, and have no derivative there
+        rest = rest * kept
         stays = jnp.where(half > 0.0, rest, y)
         down = jnp.where(y < rest, jnp.minimum(rest, y + half), stays)
         rest = jnp.where(y > rest, jnp.maximum(rest, y - half), down)

@@ -9,13 +9,13 @@ from jaxtyping import Array, Float
 from vdmsi_jax.effects.base import AbstractEffect, Scales, Signals
 from vdmsi_jax.parameters import parameter
 
-KNOTS = 16
+KNOTS = 24
 GRAVITY = 9.80665  # m/s^2
 
 
 class RoadGrade(AbstractEffect):
     """Gravity along the road, as the command that is spent on it; every run begins at the same
-    place.
+    place, and past the last knot the road is level.
 
     Attributes:
         span: distance between the first knot, where a run begins, and the last, m.
@@ -25,7 +25,10 @@ class RoadGrade(AbstractEffect):
     weight: ClassVar[float] = 10.0
 
     slope: Float[Array, " knots"] = parameter(
-        "1", "slope (rise over run) at knots of equal distance, linear between", off=(0.0,) * KNOTS
+        "1",
+        "slope (rise over run) at knots of equal distance, linear between",
+        off=(0.0,) * KNOTS,
+        spread=0.04,  # roads: a knot that little is known of must not be a cliff
     )
     span: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=100.0)
 
@@ -38,7 +41,7 @@ class RoadGrade(AbstractEffect):
         return [tuple(h[0] for h in hills), *one]
 
     def held(self, u: Float[Array, " M"], signals: Signals) -> Float[Array, " M"]:
-        at = jnp.clip(signals.distance / self.span, 0.0, 1.0) * (KNOTS - 1)
+        at = signals.distance / self.span * (KNOTS - 1)
         knots = jnp.arange(KNOTS)
         hats = jnp.maximum(0.0, 1.0 - jnp.abs(at[:, None] - knots))
         pull = GRAVITY * signals.slowness * (hats @ self.slope)

@@ -1,0 +1,82 @@
+"""What a search finds in a stage: causes, their worth, and what could stand in their place."""
+
+from dataclasses import dataclass
+
+from .refit import Refit
+from .screen import Candidate
+from .stage import Stage
+from .starts import backward
+
+MARGIN = 7.5
+"""Two explanations whose log-likelihoods differ by less than half of this are not told apart: with
+it the truth stands in the set in 99.7 % of cases."""
+
+
+@dataclass(frozen=True, eq=False)
+class Finding:
+    """A cause that the evidence supports.
+
+    Attributes:
+        number: of the effect in its stage.
+        gain: twice the log-likelihood that it is worth in the final model.
+        less: the final model without it, refitted.
+        others: numbers of the effects that were tried in its place, with what they lack in twice
+            the log-likelihood; those within `MARGIN` explain the data as well.
+        alike: those of them that lack more, but not from block to block of the data (Vuong,
+            Likelihood ratio tests for model selection and non-nested hypotheses, 1989).
+        promised: what the screen had predicted for it.
+    """
+
+    number: int
+    gain: float
+    less: Refit
+    others: tuple[tuple[int, float], ...] = ()
+    promised: float = 0.0
+    alike: tuple[int, ...] = ()
+
+    @property
+    def rivals(self) -> tuple[int, ...]:
+        """The effects that explain the data as well."""
+        return tuple(k for k, lack in self.others if lack < MARGIN or k in self.alike)
+
+
+@dataclass(frozen=True, eq=False)
+class Failed:
+    """A cause that the data of the fit support, and the data held out do not: `final` had it."""
+
+    finding: Finding
+    final: Refit
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """What was found in a stage.
+
+    Attributes:
+        stage: the data.
+        plain: the best plant without causes.
+        baseline: the plant of the final order without causes.
+        final: the plant with its causes.
+        findings: the strongest first.
+        screened: the screen of the baseline, best first.
+        failed: what was taken out again, since it fails on data held out.
+    """
+
+    stage: Stage
+    plain: Refit
+    baseline: Refit
+    final: Refit
+    findings: tuple[Finding, ...]
+    screened: tuple[Candidate, ...]
+    failed: tuple[Failed, ...] = ()
+
+    def without(self, finding: Finding) -> Refit:
+        """The model without a cause: the best plant without any, where it is the only one and that
+        plant is no larger, since a larger one may imitate a cause by poles and zeros that are none,
+        and does not tell a delay by its zeros."""
+        plain, final = self.baseline.hypothesis, self.final.hypothesis
+        larger = plain.poles + plain.zeros > final.poles + final.zeros
+        delayed = self.stage.slots[finding.number].cause == "transport_delay"
+        told = delayed and backward(plain).size > 0
+        several = len(self.findings) > 1
+        return finding.less if larger or several or told else self.baseline

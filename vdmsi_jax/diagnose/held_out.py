@@ -1,0 +1,80 @@
+"""Which logs judge what the others were fitted to: those whose commands the others cover.
+
+What a fit has not seen it cannot tell: a plant that was identified on a slow slalom says nothing of
+steps, and its errors there would be called structure.
+"""
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+from jaxtyping import Float
+
+from ..data.record import Record
+
+_COVERED = 0.03  # of a band's energy, which the logs of the fit must have of it at least
+_NEW = 0.3  # share of the commands from which on they are another kind of driving
+_IDLE = 0.05  # of the energy of the others' commands, below which a log judges nothing
+_BEYOND = 0.1  # of the range of commands, past which one lies outside of it
+_FEW = 6  # logs, of which every choice is looked at
+
+
+def judges(records: Sequence[Record]) -> set[int] | None:
+    """Numbers of the logs that are held out, a third of several: the last ones, unless the others
+    do not cover their commands or they hardly have any, and another choice is better. None where no
+    whole log can judge: there is but one, or each is of a kind of its own."""
+    count = len(records)
+    if count < 2:
+        return None
+    held = max(1, round(count / 3))
+    last = tuple(range(count - held, count))
+    if count <= _FEW:
+        choices = [last, *(c for c in combinations(range(count), held) if c != last)]
+    else:
+        choices = [last, *(tuple(range(k, k + held)) for k in range(0, count - held, held))]
+    channels = sorted({p.input for r in records for p in r.plants if p.input in r})
+    described = [{c: _described(r, c) for c in channels if c in r} for r in records]
+    looked = [[_compared(described, c, own) for c in channels] for own in choices]
+    news = [max((new for new, _ in each), default=0.0) for each in looked]
+    lively = [min((share for _, share in each), default=1.0) for each in looked]
+    fit = [k for k, own in enumerate(news) if own <= _NEW and lively[k] >= _IDLE]
+    if 0 in fit or (not fit and news[0] <= _NEW):
+        return set(last)
+    return set(choices[min(fit, key=lambda k: news[k])]) if fit else None
+
+
+def _described(record: Record, channel: str) -> tuple[Float[np.ndarray, " bands"], np.ndarray, int]:
+    """Of a command: the energy of its changes in octaves, a step's the same in each; its values;
+    its number of samples."""
+    octaves = np.zeros(_octave(np.array([0.5 / record.dt]))[0] + 1)
+    values = [record[channel][s.start : s.stop] for s in record.segments]
+    for u in values:
+        power = np.abs(np.fft.rfft((u - u.mean()) * np.hanning(len(u)))) ** 2
+        f = np.fft.rfftfreq(len(u), record.dt)[1:]
+        np.add.at(octaves, _octave(f), power[1:] * f / len(u))
+    u = np.concatenate(values)
+    return octaves, u, len(u)
+
+
+def _octave(f: np.ndarray) -> np.ndarray:
+    """Number of the octave of a frequency, those below 1/16 Hz in one."""
+    return np.maximum(np.floor(np.log2(f * 16.0)).astype(int) + 1, 0)
+
+
+def _compared(
+    described: Sequence[dict], channel: str, held: tuple[int, ...]
+) -> tuple[float, float]:
+    """Share of the held-out commands that the others do not cover, in frequency or in range; and
+    how lively they are, against the others."""
+    own = [d[channel] for i, d in enumerate(described) if i in held and channel in d]
+    rest = [d[channel] for i, d in enumerate(described) if i not in held and channel in d]
+    if not own or not rest:
+        return 0.0, 1.0
+    energies = [np.sum([d[0] for d in part], axis=0) for part in (own, rest)]
+    here, there = (e / sum(d[2] for d in p) for e, p in zip(energies, (own, rest), strict=True))
+    changes = max(float(here.sum()), 1e-300)
+    new = float(here[there < _COVERED * here].sum()) / changes
+    seen, values = (np.concatenate([d[1] for d in part]) for part in (rest, own))
+    reach = _BEYOND * float(np.ptp(seen))
+    outside = (values < seen.min() - reach) | (values > seen.max() + reach)
+    return max(new, float(outside.mean())), changes / max(float(there.sum()), 1e-300)

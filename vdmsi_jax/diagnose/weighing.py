@@ -1,0 +1,110 @@
+"""Significant is not important: which of the causes that the data support matter."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..config import PlantSpec
+from .found import Search
+from .judge import Trial
+from .naming import Named
+from .prepare import Runs
+from .result import ChannelScore, Finding, Gain
+from .starts import backward
+
+MINOR = 0.02
+"""Share of the held-out squared error of its channel, with no cause or with all others, below which
+a significant cause is minor."""
+
+_MOST = 0.5  # of what all others leave, from which a cause matters however small it is beside them
+_WEAK, _STRONG = 0.05, 0.5  # shares: below the first beside one above the second a cause is minor
+_DOUBTFUL = 0.05  # share of a cause that makes the path no better, below which it is minor
+_DAMPED = 0.24  # ratio, from which a mode is rather two poles that the plant lacks
+_LIGHT, _MUCH = 0.15, 0.3  # ratio, and gain over the baseline, that a mode with more damping needs
+
+
+@dataclass(frozen=True, eq=False)
+class Weighing:
+    """What causes are weighed against.
+
+    Attributes:
+        searches: of the plants.
+        runs: that were looked at.
+        baseline, extended: scores by channel, on data held out.
+    """
+
+    searches: Mapping[PlantSpec, Search]
+    runs: Runs
+    baseline: Mapping[str, ChannelScore]
+    extended: Mapping[str, ChannelScore]
+
+    def minor(self, cause: Named, trial: Trial, found: Finding, puzzling: bool) -> bool:
+        """Whether a cause is minor.
+
+        Args:
+            cause: that is sure.
+            trial: what it is worth.
+            found: the same as a finding.
+            puzzling: whether much is left in its channel that nothing explains.
+        """
+        share = max(found.share, trial.gain.typical)
+        small = share < MINOR or (0.0 <= self._of_all(cause, trial.gain) < MINOR and share < _MOST)
+        small = small or not trial.believed(share, puzzling)
+        return small or self._negligible(found) or self._imitated(cause, trial.gain)
+
+    def _told_by(self, cause: Named, gain: Gain) -> bool:
+        """Whether a cause of an actuator is worth most in that actuator's response."""
+        return any(
+            spec.output == gain.channel
+            for spec, own in self.searches.items()
+            if own is cause.search
+        )
+
+    def _of_all(self, cause: Named, gain: Gain) -> float:
+        """Share that an actuator's cause takes of what its channel errs by with no cause at all;
+        NaN where it is told by another channel."""
+        if not self._told_by(cause, gain):
+            return math.nan
+        return (gain.mse_before - gain.mse_after) / max(self.baseline[gain.channel].mse, 1e-300)
+
+    def _taken(self, channel: str) -> float:
+        """Share of the baseline's squared error that all causes take."""
+        return 1.0 - self.extended[channel].mse / max(self.baseline[channel].mse, 1e-300)
+
+    def _imitated(self, cause: Named, gain: Gain) -> bool:
+        """Whether the best plant without causes is as good on data held out: its poles and zeros
+        tell what the cause does. Not for zeros in the right half plane, since a delay is what they
+        imitate, and a mode has a rule of its own."""
+        if cause.search is None or not self._told_by(cause, gain) or cause.cause == "resonance":
+            return False
+        late = cause.cause == "transport_delay" and backward(cause.search.baseline.hypothesis).size
+        return not late and self._taken(gain.channel) <= 0.0
+
+    def _negligible(self, found: Finding) -> bool:
+        """Whether it is less than a body's or a plant's own: a sensor that is late by less than
+        half a sample, tyres by less than one, a command that is early by less than one, a mode that
+        poles of the baseline tell as well; or a small gain in one channel that is none on the road.
+        """
+        value, dt = next(iter(found.parameters.values())).value, self.runs.dt
+        none, g = False, found.gain
+        if found.cause in ("sensor_delay", "sensor_lag"):
+            none = abs(value) < 0.5 * dt
+        elif found.cause == "tyre_relaxation":
+            none = value < dt * float(np.mean(np.abs(self.runs.channel("v"))))
+        elif found.cause == "transport_delay":
+            none = -dt < value < 0.0
+        elif found.cause == "resonance":
+            damping = found.parameters["damping"].value
+            none = damping > _DAMPED or (damping > _LIGHT and self._taken(g.channel) < _MUCH)
+        worse = g.ate_before is not None and g.ate_after is not None and g.ate_after > g.ate_before
+        return none or (worse and found.share < _DOUBTFUL)
+
+
+def overshadowed(found: Finding, findings: Sequence[Finding]) -> bool:
+    """Whether it is another form of a stronger finding, or next to nothing beside one."""
+    stronger = [f for f in findings if f.share > found.share]
+    own = (found.cause, found.where, found.channel)
+    again = any((f.cause, f.where, f.channel) == own for f in stronger)
+    return again or (found.share < _WEAK and any(f.share > _STRONG for f in stronger))
