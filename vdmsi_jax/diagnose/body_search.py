@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool
 
-from .body import CAUSES, Body
+from .body import CAUSES, NUISANCE, Body
 from .body_fit import (
     BodyFit,
     Lane,
@@ -21,7 +21,8 @@ from .body_fit import (
 from .colour import autoregression, whiten
 from .found import MARGIN
 from .judge import Scored, confirmed
-from .search import CAUSE_COST, PARAMETER_COST, SWAPPED, SWAPS
+from .price import CAUSE_COST, PARAMETER_COST
+from .search import SWAPPED, SWAPS
 
 _CHANNELS_COST = 8.0
 _MOST = 7
@@ -46,15 +47,30 @@ class BodyFinding:
 
 
 @dataclass(frozen=True, eq=False)
+class BodyFailed:
+    """A cause that was taken out again, since it fails on data held out.
+
+    Attributes:
+        finding: the cause.
+        channel, share: where it took most of the squared error that was fitted, and how much.
+        usual: whether it is a lag that every vehicle has, by tyres and body.
+    """
+
+    finding: BodyFinding
+    channel: str
+    share: float
+    usual: bool
+
+
+@dataclass(frozen=True, eq=False)
 class BodySearch:
-    """What was found in the body; `failed` tells of what was taken out again since it fails on data
-    held out, and of the channel and share of the squared error that it took where it was fitted."""
+    """What was found in the body."""
 
     body: Body
     plain: BodyFit
     final: BodyFit
     findings: tuple[BodyFinding, ...]
-    failed: tuple[tuple[BodyFinding, str, float], ...] = ()
+    failed: tuple[BodyFailed, ...] = ()
 
 
 def price(active: Sequence[int]) -> float:
@@ -72,16 +88,24 @@ def search_body(body: Body) -> BodySearch:
         if other is None or score(other) < score(now) + SWAPPED:
             break
         now = polished(body, other)
-    failed: list[tuple[BodyFinding, str, float]] = []
+    failed: list[BodyFailed] = []
     while findings:
         worth = [_confirmed(body, now, f.less) for f in findings]
         worst = worth.index(min(worth))
         if worth[worst] > 0.0:
             break
-        failed.append((findings[worst], *_taken(body, now, findings[worst].less)))
+        usual = _usual(body, now, findings[worst].number)
+        where = _taken(body, now, findings[worst].less)
+        failed.append(BodyFailed(findings[worst], *where, usual))
         now = _eliminated(body, polished(body, findings[worst].less))
         findings, _ = _findings(body, now)
     return BodySearch(body, plain, robust(body, now), findings, tuple(failed))
+
+
+def _usual(body: Body, fit: BodyFit, number: int) -> bool:
+    """Whether a cause is a lag that every vehicle has, by tyres and body."""
+    slow = CAUSES[number].cause in ("sensor_lag", "sensor_delay")
+    return slow and bool(fit.theta[body.index[number][0]] < max(NUISANCE["lag"][1], body.dt))
 
 
 def chained(

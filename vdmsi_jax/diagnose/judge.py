@@ -40,6 +40,15 @@ class Scored:
         before, after = (np.mean((self.y - y)[use] ** 2) for y in (self.before, self.after))
         return 1.0 - float(after) / max(float(before), 1e-300)
 
+    def parts(self, use: Bool[np.ndarray, "R N"], dt: float) -> Float[np.ndarray, " blocks"]:
+        """The same, block by block."""
+        blocks = max(2, min(60, int(use.sum() * dt / BLOCK)))
+        before, after = (
+            np.maximum(block_sums((self.y - y)[use] ** 2, blocks), 1e-300)
+            for y in (self.before, self.after)
+        )
+        return 1.0 - after / before
+
     def fast(self, use: Bool[np.ndarray, "R N"], dt: float) -> float:
         """Share of what the cause changes that is faster than a slow error."""
         change = np.where(use, self.after - self.before, 0.0)
@@ -92,8 +101,7 @@ def gain_of(scored: Scored, use: Bool[np.ndarray, "R N"], held_out: bool, dt: fl
     changes = np.array([fit_percent(y[k], after[k]) - fit_percent(y[k], before[k]) for k in kept])
     se = float(np.sqrt((blocks - 1) / blocks * np.sum((changes - changes.mean()) ** 2)))
     mse = float(np.mean(before**2)), float(np.mean(after**2))
-    sums = [np.maximum(block_sums(e**2, blocks), 1e-300) for e in (before, after)]
-    parts = 1.0 - sums[1] / sums[0]
+    parts = scored.parts(use, dt)
     typical = float(np.median(parts)) if np.mean(parts > 0.0) >= _USUAL else 0.0
     return Gain(scored.channel, *fits, se, *mse, held_out=held_out, typical=typical)
 

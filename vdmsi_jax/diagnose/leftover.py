@@ -79,9 +79,9 @@ def _of_body(runs: Runs, found: BodySearch) -> list[Unexplained]:
     e = residual(body, final, "r", masks[0] | masks[1])
     white = whiten(e[None], final.colour["r"][None])[0]
     left = structure("r", e, white, *masks, regressors, runs.names, body.dt)
-    for finding, channel, fraction in found.failed:
-        if finding.gain > _LOUD and fraction > _SEEN:
-            cause = CAUSES[finding.number]
+    for failed in found.failed:
+        if failed.finding.gain > _LOUD and failed.share > _SEEN and not failed.usual:
+            cause = CAUSES[failed.finding.number]
             place = f"{cause.where} {cause.channel}" if cause.channel else cause.where
-            left.append(_broken(f"{cause.cause} ({place})", channel, fraction))
+            left.append(_broken(f"{cause.cause} ({place})", failed.channel, failed.share))
     return left

@@ -113,8 +113,9 @@ def _same_force(cause: str, parameters: Mapping[str, Estimate]) -> str | None:
 
 
 def of_body(search: BodySearch) -> list[Named]:
-    """The causes of the body, the road and the sensors."""
+    """The causes of the body, the road and the sensors. What fails on data held out is no rival."""
     found = []
+    failed = {f.finding.number for f in search.failed}
     for finding in search.findings:
         cause = CAUSES[finding.number]
         index = search.body.index[finding.number]
@@ -126,6 +127,7 @@ def of_body(search: BodySearch) -> list[Named]:
         rivals = [
             Rival(CAUSES[k].cause, CAUSES[k].where, lack, lack < MARGIN)
             for k, lack in finding.others
+            if k not in failed
         ]
         found.append(
             Named(

@@ -39,7 +39,8 @@ class Candidate:
 
 
 def screen(stage: Stage, at: Refit, fine: bool = True) -> list[Candidate]:
-    """All causes that are not on yet, by what they are predicted to explain, best first.
+    """All causes that are not on yet, by what they are predicted to explain, best first. Another
+    form of a cause that is on is none: each would be worth little beside the other.
 
     Args:
         stage: the data.
@@ -47,10 +48,11 @@ def screen(stage: Stage, at: Refit, fine: bool = True) -> list[Candidate]:
         fine: try those whose likelihood is ragged on a finer grid, too.
     """
     numbers, tried = [], []
+    on = {(stage.slots[k].cause, stage.slots[k].where) for k in at.hypothesis.active}
     for number in stage.allowed:
-        if number in at.hypothesis.active:
-            continue
         slot = stage.slots[number]
+        if (slot.cause, slot.where) in on:
+            continue
         options = [(probe, at.hypothesis.swing) for probe in slot.effect.probes(stage.scales)]
         if slot.cause == swing.CAUSE:
             e = np.where(stage.mask, stage.y - at.y, 0.0)

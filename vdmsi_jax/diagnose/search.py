@@ -9,6 +9,7 @@ import numpy as np
 from .found import Failed, Finding, Search
 from .judge import Scored, confirmed, gain_of
 from .outcome import completed, steadiness
+from .price import CAUSE_COST, lack, price, score
 from .refit import Hypothesis, Refit, refit, responses
 from .screen import RAGGED, Candidate, screen
 from .stage import LEAD, POLES, Stage
@@ -23,6 +24,7 @@ from .starts import (
     nested,
     ringing,
     scanned,
+    shifted,
     waiting,
 )
 
@@ -30,13 +32,6 @@ ORDERS = ((1, 0), (2, 0), (2, 1), (3, 0), (3, 1), (3, 2), (4, 1), (4, 2), (4, 3)
 """Orders that a baseline may have. The plant comes first: a missing pole must not be called a
 delay."""
 
-ORDER_COST = 10.0  # of each coefficient of the plant, in twice the log-likelihood
-CAUSE_COST = 20.0  # of a cause, beside
-PARAMETER_COST = 8.0  # of each of its parameters
-BACKWARD_COST = CAUSE_COST + PARAMETER_COST
-"""Of zeros in the right half plane: an actuator that first moves the wrong way is a delay told by
-a rational function, and pays as one."""
-PHASE_COST = 4.0  # of what swings, in each further run
 _REFITTED = 10  # candidates of a screen that are refitted
 _SMALLER = 2  # smaller plants that are screened
 _FROM_SMALLER = 4  # candidates of the screens of smaller plants that are refitted
@@ -54,20 +49,6 @@ _MUCH, _SURE = 0.4, 2.5  # share of the error, and standard errors, that data he
 _SLOW = 4.0  # squared error over innovations, from which on a part of it is slow
 _WORSENED = 0.2  # of the squared error on data held out, by which a cause may raise it
 _REACH = 60.0  # that a candidate may lie behind the best after a few steps
-
-
-def price(stage: Stage, h: Hypothesis) -> float:
-    """What a hypothesis must gain in twice the log-likelihood to be worth its parameters."""
-    slots = [stage.slots[number] for number in h.active]
-    causes = sum(CAUSE_COST + PARAMETER_COST * slot.weight for slot in slots)
-    phases = 0 if h.swing is None else len(h.swing) - 1  # beyond the one that is counted
-    wrong = BACKWARD_COST * bool(backward(h).size)
-    return ORDER_COST * (h.poles + h.zeros + 1) + PHASE_COST * phases + wrong + causes
-
-
-def score(stage: Stage, fit: Refit) -> float:
-    """Twice the log-likelihood less the price."""
-    return 2.0 * fit.loglik - price(stage, fit.hypothesis)
 
 
 def search(stage: Stage) -> Search:
@@ -89,7 +70,8 @@ def search(stage: Stage) -> Search:
         found = _whole(whole, stage, plain, grid, now, findings)
         worth = [_confirmed(found, f) for f in found.findings]
         numbers = {f.finding.number for f in failed}
-        if not worth or (min(worth) > 0.0 and not _worsened(found)):
+        against = Scored("", whole.y, found.plain.y, found.final.y, found.final.colour)
+        if not worth or (min(worth) > 0.0 and not _worse(against, whole)):
             more = _borne_out(found, seen, numbers)
             if more is None:
                 return replace(found, screened=tuple(screened), failed=tuple(failed))
@@ -136,7 +118,15 @@ def _confirmed(found: Search, finding: Finding) -> float:
     less = found.without(finding)
     scored = Scored("", stage.y, less.y, found.final.y, found.final.colour)
     worth = confirmed(scored, stage.held_out, stage.dt)[0]
-    return worth if scored.taken(stage.held_out) > -_WORSENED else -abs(worth)
+    return -abs(worth) if _worse(scored, stage) else worth
+
+
+def _worse(scored: Scored, stage: Stage) -> bool:
+    """Whether the plain error of data held out gets clearly larger, on the whole and usually."""
+    use = stage.held_out
+    if use.sum() <= 50 or scored.taken(use) > -_WORSENED:
+        return False
+    return bool(np.median(scored.parts(use, stage.dt)) < -_WORSENED)
 
 
 def _instead(stage: Stage, less: Refit, seen: Mapping[tuple, Refit], failed: set[int]) -> Refit:
@@ -148,15 +138,6 @@ def _instead(stage: Stage, less: Refit, seen: Mapping[tuple, Refit], failed: set
         if kept <= set(f.hypothesis.active) and not failed & set(f.hypothesis.active)
     ]
     return max([less, *fits], key=lambda f: score(stage, f))
-
-
-def _worsened(found: Search) -> bool:
-    """Whether the error of data held out is clearly larger than without any cause."""
-    held, stage = found.stage.held_out, found.stage
-    if held.sum() <= 50:
-        return False
-    before, after = (np.mean((stage.y - f.y)[held] ** 2) for f in (found.plain, found.final))
-    return bool(after > (1.0 + _WORSENED) * before)
 
 
 def _borne_out(found: Search, seen: Mapping[tuple, Refit], failed: set[int]) -> Refit | None:
@@ -407,11 +388,8 @@ def _findings(
             if other not in best or score(stage, f) > score(stage, best[other]):
                 best[other] = f
         tried += best.values()
-        size = final.hypothesis.size(stage)
         rivals = [
-            (k, 2.0 * (final.loglik - f.loglik) + 2.0 * (f.hypothesis.size(stage) - size))
-            for k, f in best.items()
-            if stage.slots[k].cause != own.cause
+            (k, lack(stage, final, f)) for k, f in best.items() if stage.slots[k].cause != own.cause
         ]
         rivals = sorted(rivals, key=lambda pair: pair[1])[:_RIVALS]
         alike = [k for k, _ in rivals if steadiness(stage, best[k], final) < _APART]
@@ -424,7 +402,7 @@ def _afresh(stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]) -
     """Fits of causes that are not reached from the best plain plant."""
     plants = [plain, *_smaller(stage, grid, plain)[:1]]
     starts = [*bent(stage, grid[1, 0]), *waiting(stage, plain, grid), *ringing(stage, plain)]
-    starts += [h for at in plants for h in scanned(stage, at)]
+    starts += [*shifted(stage, plain, grid), *(h for at in plants for h in scanned(stage, at))]
     fits = refit(stage, starts)
     return _best_of_each([*fits, *refit(stage, mirrored(stage, fits))])
 

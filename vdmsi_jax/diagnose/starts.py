@@ -88,6 +88,28 @@ def backward(h: Hypothesis) -> np.ndarray:
     return zeros[zeros.real > 0.0]
 
 
+def lingers(stage: Stage, h: Hypothesis) -> bool:
+    """Whether a pole that outlasts the runs has a zero beside it, so that the command hardly moves
+    it: all that it tells is an offset of each run, as the state at its start."""
+    once = 1.0 / (stage.u.shape[1] * stage.dt * stage.pace)
+    poles, zeros = np.roots(h.den), np.roots(h.num)
+    near = np.abs(poles[:, None] - zeros) < once
+    return bool(np.any(near & (np.abs(poles) < once)[:, None]))
+
+
+def shifted(
+    stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]
+) -> Iterable[Hypothesis]:
+    """Plants with an offset for one that tells it by a mode that lingers."""
+    if not lingers(stage, plain.hypothesis):
+        return
+    number = _number(stage, "offset")
+    for h in (f.hypothesis for f in grid.values() if not lingers(stage, f.hypothesis)):
+        theta = h.theta.copy()
+        theta[stage.slots[number].index[0]] = 0.01 * stage.scales.response
+        yield replace(h, active=(number,), theta=theta)
+
+
 def all_pole(stage: Stage, h: Hypothesis) -> Hypothesis:
     """The same without zeros: what a delay is worth shows beside a plant that cannot tell it."""
     return plant(h, stage, h.den, h.num[-1:])

@@ -30,7 +30,7 @@ from .search import joined
 from .weighing import MINOR, Weighing, overshadowed
 from .words import sentence, summary
 
-_SERIOUS, _MOSTLY = 0.02, 0.3  # share of structure in a residual that is spoken of, and that weighs
+_SERIOUS, _MOSTLY = 0.05, 0.3  # share of structure in a residual that is spoken of, and that weighs
 _SETTLED = 0.75  # share of a channel's error from which on findings have explained it
 _ELSEWHERE = 0.08  # slow error, of a response's spread, that weighs beside findings elsewhere
 _COARSE = 0.1  # share of a rounding in what a model leaves, from which it is a finding

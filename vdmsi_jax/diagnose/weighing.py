@@ -52,7 +52,8 @@ class Weighing:
         share = max(found.share, trial.gain.typical)
         small = share < MINOR or (0.0 <= self._of_all(cause, trial.gain) < MINOR and share < _MOST)
         small = small or not trial.believed(share, puzzling)
-        return small or self._negligible(found) or self._imitated(cause, trial.gain)
+        imitated = trial.gain.typical <= 0.0 and self._imitated(cause, trial.gain)
+        return small or imitated or self._negligible(found)
 
     def _told_by(self, cause: Named, gain: Gain) -> bool:
         """Whether a cause of an actuator is worth most in that actuator's response."""

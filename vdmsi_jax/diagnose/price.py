@@ -1,0 +1,43 @@
+"""What hypotheses must gain to be worth their parameters, and how they compare."""
+
+from .refit import Hypothesis, Refit
+from .stage import Stage
+from .starts import backward, lingers
+
+ORDER_COST = 10.0  # of each coefficient of the plant, in twice the log-likelihood
+CAUSE_COST = 20.0  # of a cause, beside
+PARAMETER_COST = 8.0  # of each of its parameters
+DISGUISED_COST = CAUSE_COST + PARAMETER_COST
+"""Of zeros in the right half plane: an actuator that first moves the wrong way is a delay told by
+a rational function, and pays as one. Likewise a mode that the command does not move and that
+outlasts the runs: it is an offset."""
+PHASE_COST = 4.0  # of what swings, in each further run
+
+
+def price(stage: Stage, h: Hypothesis) -> float:
+    """What a hypothesis must gain in twice the log-likelihood to be worth its parameters."""
+    slots = [stage.slots[number] for number in h.active]
+    causes = sum(CAUSE_COST + PARAMETER_COST * slot.weight for slot in slots)
+    phases = 0 if h.swing is None else len(h.swing) - 1  # beyond the one that is counted
+    return _plant_price(stage, h) + PHASE_COST * phases + causes
+
+
+def _plant_price(stage: Stage, h: Hypothesis) -> float:
+    disguised = bool(backward(h).size) + lingers(stage, h)
+    return ORDER_COST * (h.poles + h.zeros + 1) + DISGUISED_COST * disguised
+
+
+def score(stage: Stage, fit: Refit) -> float:
+    """Twice the log-likelihood less the price."""
+    return 2.0 * fit.loglik - price(stage, fit.hypothesis)
+
+
+def lack(stage: Stage, final: Refit, other: Refit) -> float:
+    """What a model with another cause lacks, in twice the log-likelihood: two for each parameter
+    more of its causes, and the price of a larger plant, which may imitate the cause."""
+    more, plant = 2.0 * (final.loglik - other.loglik), []
+    for f, sign in ((other, 1.0), (final, -1.0)):
+        h = f.hypothesis
+        more += sign * 2.0 * (h.size(stage) - h.poles - h.zeros - 1)
+        plant.append(_plant_price(stage, h))
+    return more + plant[0] - plant[1]
