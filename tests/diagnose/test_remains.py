@@ -98,7 +98,7 @@ def test_a_gain_in_every_block_is_steadier_than_the_same_gain_in_one():
 )  # fmt: skip
 def test_a_name_must_take_more_where_much_is_left(share, steady, puzzling, named):
     gain = Gain("v", 90.0, 90.5, 10.0, 1.0, 0.9)
-    assert Trial(gain, 50.0, steady, fast=0.9).believed(share, puzzling) is named
+    assert Trial(gain, None, 50.0, steady, fast=0.9).believed(share, puzzling) is named
 
 
 @pytest.mark.parametrize(
@@ -106,7 +106,7 @@ def test_a_name_must_take_more_where_much_is_left(share, steady, puzzling, named
 )
 def test_what_is_fast_does_not_stand_in_for_a_slow_error(fast, se, named):
     gain = Gain("delta", 80.0, 88.0, se, 1.0, 0.4)
-    assert Trial(gain, 50.0, 1.0, fast).believed(0.6, puzzling=True) is named
+    assert Trial(gain, None, 50.0, 1.0, fast).believed(0.6, puzzling=True) is named
 
 
 def test_one_event_does_not_outweigh_all_that_a_cause_explains():

@@ -31,14 +31,14 @@ _REFITTED = 5  # candidates of a screen that are refitted
 
 @dataclass(frozen=True)
 class BodyFinding:
-    """A cause, what it is worth in twice the log-likelihood, the model without it, and what was
-    tried in its place with what it lacks."""
+    """A cause, what it is worth in twice the log-likelihood, the model without it, what was tried
+    in its place with what it lacks, and the linear step by which the screen predicts it."""
 
     number: int
     gain: float
     less: BodyFit
     others: tuple[tuple[int, float], ...]
-    promised: float
+    promised: BodyFit | None
 
     @property
     def rivals(self) -> tuple[int, ...]:
@@ -215,7 +215,8 @@ def _findings(body: Body, now: BodyFit) -> tuple[tuple[BodyFinding, ...], BodyFi
         less = fit_body(body, [rest], now)[0]
         gain = 2 * (now.loglik - less.loglik)
         screened = screen_body(body, less)
-        promised = next((g for g, k, _ in screened if k == i), 0.0)
+        steps = [theta for _, k, theta in screened if k == i]
+        promised = Lane.of(body, less).moved_to(steps[0]) if steps else None
         close = [s for s in screened if s[1] != i and s[0] > 0.3 * gain][:_REFITTED]
         fits = refit_body(body, [(tuple(sorted((*rest, k))), t) for _, k, t in close])
         tried += fits

@@ -24,14 +24,15 @@ class Finding:
             the log-likelihood; those within `MARGIN` explain the data as well.
         alike: those of them that lack more, but not from block to block of the data (Vuong,
             Likelihood ratio tests for model selection and non-nested hypotheses, 1989).
-        promised: what the screen had predicted for it.
+        promised: the first round of a refit from the screen's best probe, under the colour that it
+            starts with.
     """
 
     number: int
     gain: float
     less: Refit
     others: tuple[tuple[int, float], ...] = ()
-    promised: float = 0.0
+    promised: Refit | None = None
     alike: tuple[int, ...] = ()
 
     @property

@@ -62,12 +62,14 @@ class Trial:
 
     Attributes:
         gain: in the channel that it is worth most in.
+        predicted: the same as the screen had promised it; None where it had not.
         worth: twice the log-likelihood over all channels.
         steady: that in its standard errors by blocks; a wrong form gains here and loses there.
         fast: see `Scored.fast`.
     """
 
     gain: Gain
+    predicted: Gain | None
     worth: float
     steady: float
     fast: float

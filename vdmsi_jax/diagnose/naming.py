@@ -46,7 +46,6 @@ class Named:
         rivals: as in `Finding`.
         search, finding: the stage that found it and what it found there; None for one of the body,
             which is `body`.
-        promised: what the screen had predicted of the statistic.
     """
 
     cause: str
@@ -57,7 +56,6 @@ class Named:
     statistic: float
     freedom: int
     rivals: tuple[Rival, ...]
-    promised: float
     search: Search | None = None
     finding: Finding | None = None
     body: BodyFinding | None = None
@@ -96,7 +94,6 @@ def of_stage(search: Search, units: tuple[str, str]) -> list[Named]:
                 finding.gain,
                 len(slot.index),
                 _one_each(rivals),
-                finding.promised,
                 search,
                 finding,
             )  # fmt: skip
@@ -139,7 +136,6 @@ def of_body(search: BodySearch) -> list[Named]:
                 finding.gain,
                 len(index),
                 _one_each(rivals),
-                finding.promised,
                 body=finding,
             )  # fmt: skip
         )

@@ -74,7 +74,8 @@ def search(stage: Stage) -> Search:
         if not worth or (min(worth) > 0.0 and not _worse(against, whole)):
             more = _borne_out(found, seen, numbers)
             if more is None:
-                return replace(found, screened=tuple(screened), failed=tuple(failed))
+                told = _foretold(whole, found.findings)
+                return replace(found, findings=told, screened=tuple(screened), failed=tuple(failed))
             now = more
         else:
             worst = worth.index(min(worth))
@@ -106,6 +107,13 @@ def _whole(
     plain, baseline, now, *less = completed(whole, kept)
     findings = tuple(replace(f, less=k) for f, k in zip(findings, less, strict=True))
     return Search(whole, plain, baseline, now, findings, ())
+
+
+def _foretold(whole: Stage, findings: Sequence[Finding]) -> tuple[Finding, ...]:
+    """Findings with what the screen had promised over all runs."""
+    known = [f.promised for f in findings if f.promised is not None]
+    every = iter(completed(whole, known) if known else [])
+    return tuple(f if f.promised is None else replace(f, promised=next(every)) for f in findings)
 
 
 def _confirmed(found: Search, finding: Finding) -> float:
@@ -369,7 +377,8 @@ def _findings(
             less = refit(stage, [all_pole(stage, less.hypothesis)])[0]
         gain = 2.0 * (final.loglik - less.loglik)
         screened = screen(stage, less, fine=stage.slots[number].cause in RAGGED)
-        promised = next((c.gain for c in screened if c.number == number), 0.0)
+        probes = [joined(less.hypothesis, c) for c in screened if c.number == number]
+        promised = next(iter(refit(stage, probes, rounds=1)), None)
         others = [c for c in screened if c.number != number and c.gain > 0.2 * gain][:6]
         fits = refit(stage, [joined(less.hypothesis, c) for c in others])
         kept, own = set(less.hypothesis.active), stage.slots[number]

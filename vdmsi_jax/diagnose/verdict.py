@@ -183,25 +183,32 @@ class Evidence:
         if cause.search is not None and cause.finding is not None:
             stage, final = cause.search.stage, cause.search.final
             name = next(s.output for s, f in self.searches.items() if f is cause.search)
-            less = cause.search.without(cause.finding)
+            less, promised = cause.search.without(cause.finding), cause.finding.promised
             scored = Scored(name, stage.y, less.y, final.y, final.colour)
             held = bool(stage.held_out.sum() > 50)
             use = stage.held_out if held else stage.mask
             sure.append(confirmed(scored, use, self.runs.dt))
-            tried.append((scored, use, held))
+            step = None if promised is None else replace(scored, after=promised.y)
+            tried.append((scored, use, held, step))
         if cause.body is not None and self.bodily is not None:
-            body, final, less = self.bodily.body, self.bodily.final, cause.body.less
+            body, final = self.bodily.body, self.bodily.final
+            less, promised = cause.body.less, cause.body.promised
             for c in body.measured:
                 scored, use, held = chained(body, final, less, c)
                 sure.append(confirmed(scored, use, body.dt))
                 whole = replace(scored, before=less.predicted[c], after=final.predicted[c])
-                tried += [(whole, use, held), (scored, use, held)]
-        scored, use, held = max(tried, key=lambda t: t[0].taken(t[1]))
+                steps = None, None
+                if promised is not None:
+                    step = replace(whole, after=promised.predicted[c])
+                    steps = step, chained(body, promised, less, c)[0]
+                tried += [(whole, use, held, steps[0]), (scored, use, held, steps[1])]
+        scored, use, held, step = max(tried, key=lambda t: t[0].taken(t[1]))
         worth, variance = (sum(parts) for parts in zip(*sure, strict=True))
         gain = gain_of(scored, use, held, self.runs.dt)
+        predicted = None if step is None else gain_of(step, use, held, self.runs.dt)
         steady = worth / max(math.sqrt(variance), 1e-300)
         fast = scored.fast(use, self.runs.dt)
-        return Trial(gain, worth if held else cause.statistic, steady, fast)
+        return Trial(gain, predicted, worth if held else cause.statistic, steady, fast)
 
     def _finding(self, cause: Named, trial: Trial, road: Road | None) -> Finding:
         gain = trial.gain
@@ -209,15 +216,6 @@ class Evidence:
         if road is not None:
             before, after = road.without(cause), road.extended_mean
             gain = replace(gain, ate_before=before, ate_after=after)
-        predicted = None
-        if cause.promised > 0.0 and cause.statistic > 0.0:
-            part = min(cause.promised / cause.statistic, 1.0)
-            after = gain.before + part * (gain.after - gain.before)
-            mse = gain.mse_before + part * (gain.mse_after - gain.mse_before)
-            predicted = replace(
-                gain, after=after, mse_after=mse, se=math.nan, held_out=False,
-                ate_before=None, ate_after=None,
-            )  # fmt: skip
         open_ = [r for r in cause.rivals if r.indistinguishable]
         experiment = self._experiment(cause, open_) if open_ else None
         found = Finding(
@@ -229,7 +227,7 @@ class Evidence:
             statistic=cause.statistic,
             p_value=_chi_squared(cause.statistic, cause.freedom),
             gain=gain,
-            predicted_gain=predicted,
+            predicted_gain=trial.predicted,
             share=share,
             rivals=cause.rivals,
             separating_experiment=experiment,
