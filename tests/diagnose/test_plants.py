@@ -8,20 +8,29 @@ import vdmsi_jax as vj
 DT, ROWS, FINE = 0.02, 1500, 20
 
 
-def driven(seed: int, *, delay: float = 0.0, swing: float = 0.0, noise: float = 0.01):
-    """Three logs of a damped servo of 2 Hz behind a lag, the command late by `delay` seconds; a
-    sine of 1.3 Hz that begins each run anywhere is added to the response."""
+def driven(
+    seed: int,
+    *,
+    delay: float = 0.0,
+    swing: float = 0.0,
+    ramps: tuple[float, float] = (np.inf, np.inf),
+    noise: float = 0.01,
+):
+    """Three logs of a damped servo of 2 Hz behind a lag, the command late by `delay` seconds and
+    ramped upward and downward; a sine of 1.3 Hz that begins each run anywhere is added to the
+    response."""
     rng = np.random.default_rng(seed)
     made = []
     for run in range(3):
         u = np.repeat(rng.uniform(-1.0, 1.0, ROWS // 30), 30)
         late = np.concatenate([np.full(round(delay * 1000), u[0]), np.repeat(u, FINE)])
-        x, v, lagged, y = u[0], 0.0, u[0], []
+        x, v, lagged, ramped, y = u[0], 0.0, u[0], u[0], []
         natural, h = 2.0 * np.pi * 2.0, 0.001
         for k, command in enumerate(late[: ROWS * FINE]):
             if k % FINE == 0:
                 y.append(x)
-            lagged += h / 0.05 * (command - lagged)
+            ramped += np.clip(command - ramped, -h * ramps[1], h * ramps[0])
+            lagged += h / 0.05 * (ramped - lagged)
             v += h * (natural**2 * (lagged - x) - 2.0 * 0.8 * natural * v)
             x += h * v
         wave = swing * np.sin(2.0 * np.pi * 1.3 * DT * np.arange(ROWS) + rng.uniform(0.0, 6.28))
@@ -52,3 +61,26 @@ def test_a_delay_is_not_told_by_zeros_in_the_right_half_plane():
 def test_a_servo_and_its_lag_are_no_delay():
     found = vj.diagnose(driven(3))
     assert found.verdict == "no_effect" and not found.findings
+
+
+def test_a_command_is_ramped_slower_upward_than_downward():
+    found = vj.diagnose(driven(4, ramps=(0.8, 2.5), noise=0.02))
+    assert [f.cause for f in found.findings] == ["rate_limit"]
+    told = found.findings[0].parameters
+    assert told["rising"].value == pytest.approx(0.8, rel=0.03)
+    assert told["falling"].value == pytest.approx(2.5, rel=0.05)
+
+
+def test_a_limit_that_is_never_reached_is_not_told():
+    rng = np.random.default_rng(5)
+    plant, made = vj.PlantSpec("servo", "u", "y"), []
+    for run in range(3):
+        u, level, y = np.repeat(rng.uniform(0.0, 1.0, ROWS // 30), 30), 0.0, []
+        for command in u:
+            y.append(level)
+            level += DT / 0.3 * (min(command, 0.6) - level)
+        y = np.asarray(y) + 0.01 * rng.standard_normal(ROWS)
+        made.append(vj.Record.from_arrays(dt=DT, name=f"run_{run}", plants=(plant,), u=u, y=y))
+    (finding,) = vj.diagnose(made).findings
+    assert finding.cause == "saturation" and set(finding.parameters) == {"upper"}
+    assert finding.parameters["upper"].value == pytest.approx(0.6, rel=0.02)

@@ -195,7 +195,8 @@ def _swinging(
     at = free.index(slot.index[0])
     wave = whiten(swing.columns(stage, frequency)[None], fit.colour[None])[0]
     amplitude, phase, first = swing.strength(stage, h.swing, frequency)
-    energies = np.array([0.5 * np.sum(wave[:, use] ** 2) for use in stage.mask])
+    seen = stage.mask | stage.held_out  # a run that is held out has a swing of its own, too
+    energies = np.array([0.5 * np.sum(wave[:, use] ** 2) for use in seen])
     own = math.sqrt(fit.variance / max(float(energies[first]), 1e-300))
     whole = math.sqrt(fit.variance / max(float(energies.sum()), 1e-300))
     std = math.sqrt(max(float(fit.covariance[at, at]), 0.0))
@@ -208,12 +209,11 @@ def _swinging(
 
 
 def _renamed(cause: str, told: dict[str, Estimate]) -> dict[str, Estimate]:
-    if cause == "saturation":
-        lower = told["lower"]
-        told["lower"] = replace(lower, value=-lower.value)
-        return {k: e for k, e in told.items() if math.isfinite(e.value)}
-    if cause == "rate_limit":
-        return {k: e for k, e in told.items() if math.isfinite(e.value)}
+    if cause in ("saturation", "rate_limit"):
+        reached = {k: e for k, e in told.items() if e.std < abs(e.value) < math.inf} or told
+        if cause == "saturation" and "lower" in reached:
+            reached["lower"] = replace(told["lower"], value=-told["lower"].value)
+        return {k: e for k, e in reached.items() if math.isfinite(e.value)}
     if cause == "resonance":
         return {"frequency": told["frequency"], "damping": told["damping"], "weight": told["share"]}
     if cause == "gain_drift":

@@ -203,7 +203,8 @@ def _climbed(
             if not rings:  # or the plant would take the mode back
                 starts += _promising(stage, list(nested(stage, now.hypothesis)), 1)
         most = max((c.gain for c in promising), default=0.0)
-        fits = _best_of_each(refit(stage, starts, worth=worth, reach=max(_REACH, 0.5 * most)))
+        fits = refit(stage, starts, worth=worth, reach=max(_REACH, 0.5 * most))
+        fits = _best_of_each([*fits, *refit(stage, mirrored(stage, fits))])
         if now is plain:
             fits += _afresh(stage, plain, grid)
             fits += [f for small in _strongest(stage, fits, grid) for f in _grown(stage, small)]

@@ -21,6 +21,7 @@ a significant cause is minor."""
 _MOST = 0.5  # of what all others leave, from which a cause matters however small it is beside them
 _WEAK, _STRONG = 0.05, 0.5  # shares: below the first beside one above the second a cause is minor
 _DOUBTFUL = 0.05  # share of a cause that makes the path no better, below which it is minor
+_CLEAR = 2.0  # standard errors, below which a parameter may be nothing
 _DAMPED = 0.24  # ratio, from which a mode is rather two poles that the plant lacks
 _LIGHT, _MUCH = 0.15, 0.3  # ratio, and gain over the baseline, that a mode with more damping needs
 
@@ -53,7 +54,7 @@ class Weighing:
         small = share < MINOR or (0.0 <= self._of_all(cause, trial.gain) < MINOR and share < _MOST)
         small = small or not trial.believed(share, puzzling)
         imitated = trial.gain.typical <= 0.0 and self._imitated(cause, trial.gain)
-        return small or imitated or self._negligible(found)
+        return small or imitated or _vague(found) or self._negligible(found)
 
     def _told_by(self, cause: Named, gain: Gain) -> bool:
         """Whether a cause of an actuator is worth most in that actuator's response."""
@@ -101,6 +102,11 @@ class Weighing:
             none = damping > _DAMPED or (damping > _LIGHT and self._taken(g.channel) < _MUCH)
         worse = g.ate_before is not None and g.ate_after is not None and g.ate_after > g.ate_before
         return none or (worse and found.share < _DOUBTFUL)
+
+
+def _vague(found: Finding) -> bool:
+    """Whether no parameter is told from nothing: blocks of the data disagree by so much."""
+    return all(abs(e.value) < _CLEAR * e.std for e in found.parameters.values())
 
 
 def overshadowed(found: Finding, findings: Sequence[Finding]) -> bool:
