@@ -12,6 +12,7 @@ from ..config import CANONICAL, DEFAULT_PLANTS, Config, PlantSpec
 from ..errors import InputError, nearest
 from ..units import si_symbol
 from .derive import Channels, derive
+from .lattice import lattice_step
 from .mend import (
     Raw,
     Rows,
@@ -110,7 +111,15 @@ def _assemble(rows: Rows, config: Config, period: float) -> Record:
         vehicle=config.vehicle,
         plants=_plants(config, channels.values),
         filled=channels.filled,
+        steps={} if all(grid.even for grid in grids) else _steps(rows, config),
     )
+
+
+def _steps(rows: Rows, config: Config) -> dict[str, float]:
+    """Sizes of the steps in which measurements were logged."""
+    columns = rows.raw.channels.items()
+    own = {k: lattice_step(x[rows.index]) for k, x in columns if not is_held(k, config)}
+    return {k: step for k, step in own.items() if step is not None}
 
 
 def _each(

@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float
 from ..config import DEFAULT_PLANTS, PlantSpec, VehicleGeometry, canonical_of
 from ..errors import InputError, nearest
 from ..units import si_symbol
+from .lattice import lattice_step
 from .noise import white_noise_std
 from .segment import Segment, split_blocks, split_runs
 
@@ -38,6 +39,8 @@ class Record:
         plants: which channel answers to which.
         filled: name -> (N,) mask of the samples that were filled in and not measured; a channel
             without one has none.
+        steps: name -> size of the steps in which a measurement was logged, where resampling has
+            smoothed them.
     """
 
     name: str
@@ -50,13 +53,16 @@ class Record:
     vehicle: VehicleGeometry | None = None
     plants: tuple[PlantSpec, ...] = ()
     filled: Mapping[str, Bool[np.ndarray, " N"]] = field(default_factory=dict)
+    steps: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self):
         object.__setattr__(self, "t", _frozen(self.t, np.float64))
         for name, dtype in (("channels", np.float64), ("filled", np.bool_)):
             arrays = {key: _frozen(values, dtype) for key, values in getattr(self, name).items()}
             object.__setattr__(self, name, types.MappingProxyType(arrays))
-        object.__setattr__(self, "units", types.MappingProxyType(dict(self.units)))
+        for name in ("units", "steps"):
+            plain = types.MappingProxyType(dict(getattr(self, name)))
+            object.__setattr__(self, name, plain)
         edges = [0, *(segment.stop for segment in self.segments)]
         assert edges[-1] == self.n and [segment.start for segment in self.segments] == edges[:-1]
         assert all(
@@ -72,7 +78,8 @@ class Record:
             self.vehicle,
             self.plants,
         )
-        return type(self), (self.name, self.dt, self.t, *plain, dict(self.filled))
+        own = (self.name, self.dt, self.t, *plain, dict(self.filled), dict(self.steps))
+        return type(self), own
 
     @classmethod
     def from_arrays(
@@ -212,6 +219,10 @@ class Record:
         `white_noise_std`)."""
         return white_noise_std(self.pieces(channel))
 
+    def step(self, channel: str) -> float | None:
+        """Size of the steps in which a channel was measured; None if it was in none."""
+        return self.steps.get(channel) or lattice_step(self[channel])
+
     def select(self, segments: Iterable[Segment]) -> "Record":
         """A record of some stretches of this one, in the order given.
 
@@ -345,6 +356,7 @@ class Record:
             vehicle=first.vehicle,
             plants=tuple(p for p in first.plants if p.input in common and p.output in common),
             filled={k: np.concatenate([~record.measured(k) for record in records]) for k in holes},
+            steps={k: own for k, own in first.steps.items() if k in common},
         )
 
 

@@ -17,7 +17,6 @@ from .detectability import detectable
 from .extension import extended_model, plain_model
 from .found import Search
 from .judge import Scored, Trial, confirmed, fit_percent, gain_of
-from .lattice import lattice_step
 from .leftover import leftover
 from .manoeuvres import separate
 from .naming import Named, merged, of_body, of_stage
@@ -120,7 +119,8 @@ class Evidence:
         for channel, score in scores.items():
             if not all(channel in record for record in self.records):
                 continue  # made of others, so not a sensor's
-            step = lattice_step(np.concatenate([r[channel] for r in self.records]))
+            steps = [step for r in self.records if (step := r.step(channel)) is not None]
+            step = float(np.median(steps)) if 2 * len(steps) > len(self.records) else None
             if step is None or step**2 / 12.0 < MINOR * score.mse:
                 continue
             unit = self.records[0].units.get(channel, "1")
