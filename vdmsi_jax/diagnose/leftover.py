@@ -13,7 +13,7 @@ from .found import Failed, Search
 from .prepare import Runs
 from .result import Unexplained
 from .stage import Stage
-from .unexplained import history, slow_error, structure
+from .unexplained import LARGE, LARGE_HELD_OUT, history, slow_error, structure
 
 _LOUD = 60.0  # of twice the log-likelihood, from which a cause that fails on other data is told
 _SEEN = 0.005  # of the squared error, from which on it is
@@ -58,8 +58,11 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
         regressors["the other command"] = np.asarray(stage.signals.other)
     masks = (stage.mask, stage.held_out)
     found = structure(spec.output, e, white, *masks, regressors, runs.names, stage.dt)
-    slow = slow_error(spec.output, e, white, stage.y, stage.mask, stage.dt)
-    found += [] if slow is None else [slow]
+    for use, least in zip(masks, (LARGE, LARGE_HELD_OUT), strict=True):
+        slow = slow_error(spec.output, e, white, stage.y, use, stage.dt, least)
+        if slow is not None:
+            found.append(slow)
+            break
     for failed in own.failed:
         slot = stage.slots[failed.finding.number]
         label = f"{slot.cause} ({slot.where})"

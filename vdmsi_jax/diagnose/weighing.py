@@ -18,7 +18,8 @@ MINOR = 0.02
 """Share of the held-out squared error of its channel, with no cause or with all others, below which
 a significant cause is minor."""
 
-_MOST = 0.5  # of what all others leave, from which a cause matters however small it is beside them
+_MOST, _POINTS = 0.5, 2.0  # of what all others leave, and of FIT: from either one a cause matters
+# however small it is beside them
 _WEAK, _STRONG = 0.05, 0.5  # shares: below the first beside one above the second a cause is minor
 _DOUBTFUL = 0.05  # share of a cause that makes the path no better, below which it is minor
 _CLEAR = 2.0  # standard errors, below which a parameter may be nothing
@@ -51,7 +52,8 @@ class Weighing:
             puzzling: whether much is left in its channel that nothing explains.
         """
         share = max(found.share, trial.gain.typical)
-        small = share < MINOR or (0.0 <= self._of_all(cause, trial.gain) < MINOR and share < _MOST)
+        rest = share < _MOST and trial.gain.after - trial.gain.before < _POINTS
+        small = share < MINOR or (rest and 0.0 <= self._of_all(cause, trial.gain) < MINOR)
         small = small or not trial.believed(share, puzzling)
         imitated = trial.gain.typical <= 0.0 and self._imitated(cause, trial.gain)
         return small or imitated or _vague(found) or self._negligible(found)
