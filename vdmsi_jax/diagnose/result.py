@@ -81,7 +81,8 @@ class Finding:
         statistic: twice the log-likelihood that it is worth.
         p_value: probability of so large a statistic without the cause (chi squared).
         gain: realised, on data held out.
-        predicted_gain: what the screen had promised.
+        predicted_gain: the same by the first steps from the screen, before the cause was refitted
+            under its own colour of noise; None where they led nowhere.
         share: of the held-out squared error of its channel that it takes away, 0 to 1.
         rivals: what else was tried, the closest first.
         separating_experiment: what to drive to tell it from its rivals; None if nothing is open.

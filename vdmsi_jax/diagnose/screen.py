@@ -6,14 +6,15 @@ anew for each. The answer ranks candidates; only refits decide.
 """
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from jaxtyping import Float
 
 from . import swing
 from .colour import predicted, spectrum, whiten
-from .refit import Refit, responses, sensitivities, usable
-from .stage import Stage
+from .refit import Hypothesis, Refit, responses, sensitivities, usable
+from .stage import LEAD, MOST_LEAD, Stage
 
 _LARGEST = 3.0  # a probe may be scaled by so much when its size is estimated
 _TOGETHER = 32  # directions that are judged at once
@@ -58,9 +59,10 @@ def screen(stage: Stage, at: Refit, fine: bool = True) -> list[Candidate]:
             e = np.where(stage.mask, stage.y - at.y, 0.0)
             white = whiten(e[None], at.colour[None])[0] * usable(stage)
             options = [((f, 0.0, 0.0), own) for f, own in swing.peaks(stage, e, white)]
-        for probe, own in options:
+        leads = _leads(at.hypothesis) if slot.forces else (at.hypothesis.theta[LEAD],)
+        for (probe, own), lead in product(options, leads):
             theta = at.hypothesis.theta.copy()
-            theta[list(slot.index)] = probe
+            theta[list(slot.index)], theta[LEAD] = probe, lead
             active = (*at.hypothesis.active, number)
             numbers.append(number)
             tried.append(replace(at.hypothesis, active=active, theta=theta, swing=own))
@@ -75,6 +77,17 @@ def screen(stage: Stage, at: Refit, fine: bool = True) -> list[Candidate]:
     for n in stepped:
         best[n] = _finer(stage, ground, best[n])
     return sorted(best.values(), key=lambda c: -c.gain)
+
+
+def _leads(h: Hypothesis) -> tuple[float, ...]:
+    """Leads of a force to try: none, and what makes up for all poles but the two slowest, which are
+    those of the mass that it acts on."""
+    known = float(h.theta[LEAD])
+    if h.poles < 3 or known > 0.0:
+        return (known,)
+    poles = np.roots(h.den)
+    fast = poles[np.argsort(np.abs(poles))][2:]
+    return (0.0, float(np.clip(np.sum(np.real(-1.0 / fast)), 0.0, MOST_LEAD)))
 
 
 def _finer(stage: Stage, ground: "_Ground", found: Candidate) -> Candidate:

@@ -28,7 +28,7 @@ from .starts import (
     waiting,
 )
 
-ORDERS = ((1, 0), (2, 0), (2, 1), (3, 0), (3, 1), (3, 2), (4, 1), (4, 2), (4, 3))
+ORDERS = ((1, 0), (2, 0), (2, 1), (3, 0), (3, 1), (3, 2), (4, 0), (4, 1), (4, 2), (4, 3))
 """Orders that a baseline may have. The plant comes first: a missing pole must not be called a
 delay."""
 
@@ -42,7 +42,7 @@ _APART = 1.7  # standard errors over blocks from which two causes are told apart
 SWAPS = 3
 SWAPPED = 2.0  # by which another cause must be better to take a place
 _RIVALS = 8  # that are told
-_LIGHT, _TOLD = 0.15, 10.0  # damping of a mode, and what its name may cost
+_LIGHT, _TOLD = 0.15, 10.0  # damping of a mode; what its name, or a pole for a delay, may cost
 _LITTLE = 0.01  # of what the poles are worth that tell a mode, which its name may cost
 _GROWS = 50.0  # that a cause in a small plant must gain for larger ones to be tried with it
 _MUCH, _SURE = 0.4, 2.5  # share of the error, and standard errors, that data held out bear out
@@ -326,7 +326,7 @@ def _best_of_each(fits: Sequence[Refit]) -> list[Refit]:
 
 def joined(h: Hypothesis, candidate: Candidate) -> Hypothesis:
     theta = candidate.theta.copy()
-    theta[: LEAD + 1] = h.theta[: LEAD + 1]
+    theta[:LEAD] = h.theta[:LEAD]
     active = tuple(sorted({*h.active, candidate.number}))
     return replace(h, active=active, theta=theta, swing=candidate.swing)
 
@@ -354,13 +354,20 @@ def _without(stage: Stage, h: Hypothesis, number: int) -> Hypothesis:
 
 
 def _eliminate(stage: Stage, now: Refit, seen: dict[tuple, Refit]) -> Refit:
-    """Take causes out again that others have made needless."""
+    """Take causes out again that others have made needless, or a plant of another order: what was
+    seen without one is refitted from where it stood. A pole is believed rather than a delay."""
     while now.hypothesis.active:
         starts = [_without(stage, now.hypothesis, number) for number in now.hypothesis.active]
-        known = [seen[_key(h)] for h in starts if _key(h) in seen]
-        fits = _best_of_each([*refit(stage, starts), *known])
+        known = []
+        for kept in (set(h.active) for h in starts):
+            own = [f for f in seen.values() if set(f.hypothesis.active) == kept]
+            known += sorted(own, key=lambda f: -score(stage, f))[:1]
+        again = [f.hypothesis for f in known if f.hypothesis.active]
+        fits = _best_of_each([*refit(stage, starts + again), *known])
         best = max(fits, key=lambda f: score(stage, f))
-        if score(stage, best) < score(stage, now):
+        gone = next(iter(set(now.hypothesis.active) - set(best.hypothesis.active)))
+        told_by_poles = stage.slots[gone].cause == "transport_delay"
+        if score(stage, best) < score(stage, now) - (_TOLD if told_by_poles else 0.0):
             return now
         now = best
     return now

@@ -22,6 +22,7 @@ from ..parameters import Parameter, parameters
 
 POLES = 4
 LEAD = 2 * POLES  # where the lead of forces stands in a vector, in units of 1 / pace
+MOST_LEAD = 30.0  # of it
 _LANES = 16  # of a compiled program
 
 
@@ -108,7 +109,7 @@ class Stage:
     def bounds(self) -> tuple[Float[np.ndarray, " P"], Float[np.ndarray, " P"]]:
         """Lower and upper bounds."""
         low, high = np.full(self.off.size, -np.inf), np.full(self.off.size, np.inf)
-        low[LEAD], high[LEAD] = 0.0, 30.0
+        low[LEAD], high[LEAD] = 0.0, MOST_LEAD
         for slot in self.slots:
             for i, known in zip(slot.index, slot.known, strict=True):
                 low[i], high[i] = known.lower, known.upper
