@@ -14,11 +14,12 @@ def driven(
     delay: float = 0.0,
     swing: float = 0.0,
     ramps: tuple[float, float] = (np.inf, np.inf),
+    friction: float = 0.0,
     noise: float = 0.01,
 ):
     """Three logs of a damped servo of 2 Hz behind a lag, the command late by `delay` seconds and
-    ramped upward and downward; a sine of 1.3 Hz that begins each run anywhere is added to the
-    response."""
+    ramped upward and downward, the servo with dry friction, in units of the command; a sine of 1.3
+    Hz that begins each run anywhere is added to the response."""
     rng = np.random.default_rng(seed)
     made = []
     for run in range(3):
@@ -32,6 +33,7 @@ def driven(
             ramped += np.clip(command - ramped, -h * ramps[1], h * ramps[0])
             lagged += h / 0.05 * (ramped - lagged)
             v += h * (natural**2 * (lagged - x) - 2.0 * 0.8 * natural * v)
+            v -= np.clip(v, -h * natural**2 * friction, h * natural**2 * friction)
             x += h * v
         wave = swing * np.sin(2.0 * np.pi * 1.3 * DT * np.arange(ROWS) + rng.uniform(0.0, 6.28))
         y = np.asarray(y) + wave + noise * rng.standard_normal(ROWS)
@@ -69,6 +71,14 @@ def test_a_command_is_ramped_slower_upward_than_downward():
     told = found.findings[0].parameters
     assert told["rising"].value == pytest.approx(0.8, rel=0.03)
     assert told["falling"].value == pytest.approx(2.5, rel=0.05)
+
+
+def test_friction_in_a_servo_behind_a_lag_is_no_play():
+    found = vj.diagnose(driven(6, friction=0.06))
+    assert [f.cause for f in found.findings] == ["coulomb_friction"]
+    assert found.findings[0].parameters["level"].value == pytest.approx(0.06, rel=0.1)
+    backlash = [r for r in found.findings[0].rivals if r.cause == "backlash"]
+    assert all(r.deficit > 50.0 for r in backlash)
 
 
 def test_a_limit_that_is_never_reached_is_not_told():
