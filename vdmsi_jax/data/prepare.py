@@ -29,6 +29,7 @@ from .mend import (
 )
 from .record import Record, Segment
 from .resample import Grid, hold, interpolate, make_grid, rounded, touched
+from .unasked import unasked
 
 _DEFAULT_GAP = 5.0  # sample periods
 _ROUNDING = 0.02  # how far the period of an uneven log may move to become a rounder number
@@ -100,6 +101,8 @@ def _assemble(rows: Rows, config: Config, period: float) -> Record:
     samples = [segment.samples for segment in segments]
     channels = Channels(values, filled, units, samples, dt, t, rows.told)
     derive(channels, config.derive, config.vehicle, source=config.source, log=raw.source)
+    more = unasked(channels, config)
+    derive(channels, more, config.vehicle, source=config.source, log=raw.source)
     return Record(
         name=raw.name,
         dt=dt,

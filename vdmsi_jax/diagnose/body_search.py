@@ -104,8 +104,12 @@ def search_body(body: Body) -> BodySearch:
 
 def _usual(body: Body, fit: BodyFit, number: int) -> bool:
     """Whether a cause is a lag that every vehicle has, by tyres and body."""
-    slow = CAUSES[number].cause in ("sensor_lag", "sensor_delay")
-    return slow and bool(fit.theta[body.index[number][0]] < max(NUISANCE["lag"][1], body.dt))
+    cause, value = CAUSES[number].cause, float(fit.theta[body.index[number][0]])
+    if cause == "tyre_relaxation":
+        value /= max(float(np.mean(np.abs(body.v))), 1e-9)
+    elif cause not in ("sensor_lag", "sensor_delay"):
+        return False
+    return value < max(NUISANCE["lag"][1], body.dt)
 
 
 def chained(

@@ -17,6 +17,7 @@ from .unexplained import LARGE, LARGE_HELD_OUT, history, slow_error, structure
 
 _LOUD = 60.0  # of twice the log-likelihood, from which a cause that fails on other data is told
 _SEEN = 0.005  # of the squared error, from which on it is
+_PUZZLING = 0.2  # of it, from which on it casts doubt on what was found beside
 
 
 def leftover(
@@ -34,7 +35,7 @@ def leftover(
 def _broken(label: str, channel: str, fraction: float) -> Unexplained:
     """A cause that explains what was fitted and fails on what was held out."""
     words = f"{label} would explain the data fitted, and fails on the data held out"
-    return Unexplained(channel, fraction, ("run",), (), words, puzzling=True)
+    return Unexplained(channel, fraction, ("run",), (), words, puzzling=fraction > _PUZZLING)
 
 
 def _failed(stage: Stage, failed: Failed) -> float:

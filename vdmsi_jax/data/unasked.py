@@ -1,0 +1,61 @@
+"""Channels that commands wait for and that a log of poses still tells: speed, yaw rate, steering
+angle, where neither the log nor its configuration has them."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..config import Config, Derivation
+from .derive import Channels
+from .noise import white_noise_std
+
+_SHORTEST, _LONGEST = 5, 0.5  # samples; s
+_CLEAR = 0.05  # noise of a slope, of the spread of the command that it answers to
+_SLOW = 0.3  # m/s, or of the speed where all is slow: below it no steering angle is told
+
+
+def unasked(channels: Channels, config: Config) -> Mapping[str, Derivation]:
+    """Derivations of what is missing, in their order.
+
+    Args:
+        channels: what there is; a sentence about what will be derived is added.
+        config: whose pairs of channels are left as they are, where it names some.
+    """
+    there, vehicle = set(channels.values), config.vehicle
+    if vehicle is None or config.plants or "psi" not in there:
+        return {}
+    made: dict[str, Derivation] = {}
+    if "v" not in there:
+        if not {"x", "y", "v_cmd"} <= there:
+            return {}
+        made["v"] = Derivation("speed_from_pose", window=_window(channels, "x", "v_cmd"))
+    if "delta_cmd" in there and not {"delta", "r"} & there:
+        speed = channels.values["v" if "v" in there else "v_cmd"]
+        fast = float(np.quantile(np.abs(speed), 0.95))
+        window = _window(channels, "psi", "delta_cmd", fast / vehicle.wheelbase)
+        made["r"] = Derivation("yaw_rate_from_heading", window=window)
+        slow = min(_SLOW, _SLOW * fast)
+        if slow > 0.0:
+            made["delta"] = Derivation("steering_from_yaw_rate", min_speed=slow)
+    if made:
+        windows = [how.window for how in made.values() if how.window is not None]
+        channels.told.append(
+            f"derived {', '.join(made)} from the pose, by parabolas over {max(windows):.3g} s; "
+            f"[derive] may say otherwise"
+        )
+    return made
+
+
+def _window(channels: Channels, measured: str, command: str, gain: float = 1.0) -> float:
+    """Length of the parabola that differentiates a measurement, s: the shortest whose slope is
+    clear of noise."""
+    sigma = white_noise_std([channels.values[measured][piece] for piece in channels.pieces])
+    wanted = _CLEAR * gain * float(np.std(channels.values[command]))
+    samples = _SHORTEST
+    while (samples + 1) * channels.dt < _LONGEST:
+        half = samples // 2
+        slope = sigma / (channels.dt * np.sqrt(half * (half + 1) * (2 * half + 1) / 3.0))
+        if not slope > wanted:
+            break
+        samples += 2
+    return (samples - 1) * channels.dt
