@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import vdmsi_jax as vj
+from vdmsi_jax.data.segment import Segment
+from vdmsi_jax.diagnose.free_response import free_response
 
 DT, ROWS, FINE = 0.02, 1500, 20
 
@@ -94,3 +96,22 @@ def test_a_limit_that_is_never_reached_is_not_told():
     (finding,) = vj.diagnose(made).findings
     assert finding.cause == "saturation" and set(finding.parameters) == {"upper"}
     assert finding.parameters["upper"].value == pytest.approx(0.6, rel=0.02)
+
+
+def test_a_pole_that_is_too_fast_to_see_changes_no_free_response():
+    slow = free_response(np.poly([-2.0, -1.5 + 3.0j, -1.5 - 3.0j]), 0.01, 600)
+    fast = free_response(np.poly([-2.0, -1.5 + 3.0j, -1.5 - 3.0j, -4000.0]), 0.01, 600)
+    assert np.allclose(np.abs(fast).max(axis=0), 1.0) and fast.shape == (600, 4)
+    for column in slow.T:  # each can still be told, by numbers of the size of what it adds
+        shares = np.linalg.lstsq(fast[1:], column[1:], rcond=None)[0]
+        assert np.allclose(fast[1:] @ shares, column[1:], atol=1e-6)
+        assert np.abs(shares).max() < 5.0
+
+
+def test_logs_that_begin_in_motion_do_not_cost_a_plant_its_poles():
+    whole = driven(7)
+    cut = [record.select([Segment(400, record.n, record.name)]) for record in whole]
+    found = vj.diagnose(cut)
+    assert found.verdict == "no_effect" and not found.findings
+    assert found.orders["servo"] in ("P3Z0", "P3Z1", "P4Z0", "P4Z1")
+    assert found.channels["y"].fit > 97.0

@@ -7,7 +7,9 @@ from jaxtyping import Float
 def free_response(
     den: Float[np.ndarray, " _"], dt: float, rows: int
 ) -> Float[np.ndarray, "rows n"]:
-    """Response at the rows to each state at the first row; zero where it leaves every range.
+    """Responses at the rows that the states at the first row may have, as many as there are states,
+    orthogonal, the largest value of each 1: how a plant tells its states decides nothing then, of
+    which a fast one would need huge values.
 
     Args:
         den: denominator, highest power first, the leading coefficient 1.
@@ -23,7 +25,9 @@ def free_response(
         found = np.concatenate([found, found @ power])
         power = power @ power
     found = found[:rows]
-    return np.where(np.isfinite(found) & (np.abs(found) < 1e6), found, 0.0)
+    found = np.where(np.isfinite(found) & (np.abs(found) < 1e6), found, 0.0)
+    basis = np.linalg.qr(found / np.maximum(np.abs(found).max(axis=0), 1e-300))[0]
+    return basis / np.abs(basis).max(axis=0)
 
 
 def _expm(M: np.ndarray) -> np.ndarray:
