@@ -13,8 +13,8 @@ from .result import Gain
 from .windows import BLOCK, SLOW, block_sums, moving_mean
 
 _STEADY, _VERY_STEADY = 2.0, 3.0  # standard errors by blocks
-_MUCH, _MOST, _NEARLY_ALL = 0.25, 0.5, 0.9  # share of the squared error
-_USUAL = 0.75  # share of the blocks that get better
+_MUCH, _MOST, _NEARLY_ALL = 0.25, 0.5, 0.85  # share of the squared error
+_USUAL = 0.7  # share of the blocks that get better
 _FAST = 0.5  # share of a change in what is not slow
 
 

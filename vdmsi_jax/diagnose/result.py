@@ -35,8 +35,8 @@ class Gain:
         mse_before, mse_after: mean squared errors, squared unit.
         held_out: whether no fit has seen the data.
         ate_before, ate_after: mean translation error on the held-out drive, m; None without a pose.
-        typical: median over blocks of the share of the squared error that it takes, where three in
-            four get better: one event that nothing explains may outweigh all that a cause explains.
+        typical: median over blocks of the share of the squared error that it takes, where seven in
+            ten get better: one event that nothing explains may outweigh all that a cause explains.
     """
 
     channel: str

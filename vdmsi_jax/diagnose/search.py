@@ -47,7 +47,8 @@ _LITTLE = 0.01  # of what the poles are worth that tell a mode, which its name m
 _GROWS = 50.0  # that a cause in a small plant must gain for larger ones to be tried with it
 _MUCH, _SURE = 0.4, 2.5  # share of the error, and standard errors, that data held out bear out
 _SLOW = 4.0  # squared error over innovations, from which on a part of it is slow
-_WORSENED = 0.2  # of the squared error on data held out, by which a cause may raise it
+_WORSENED = 0.2  # of the squared error on data held out, by which a cause may usually raise it
+_MADE_UP = 0.05  # of it, that it must take on the whole if it does
 _REACH = 60.0  # that a candidate may lie behind the best after a few steps
 
 
@@ -130,9 +131,10 @@ def _confirmed(found: Search, finding: Finding) -> float:
 
 
 def _worse(scored: Scored, stage: Stage) -> bool:
-    """Whether the plain error of data held out gets clearly larger, on the whole and usually."""
+    """Whether the plain error of data held out usually gets clearly larger, and is not made up for
+    on the whole."""
     use = stage.held_out
-    if use.sum() <= 50 or scored.taken(use) > -_WORSENED:
+    if use.sum() <= 50 or scored.taken(use) > _MADE_UP:
         return False
     return bool(np.median(scored.parts(use, stage.dt)) < -_WORSENED)
 

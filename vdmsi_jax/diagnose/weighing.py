@@ -22,7 +22,7 @@ _MOST, _POINTS = 0.5, 2.0  # of what all others leave, and of FIT: from either o
 # however small it is beside them
 _WEAK, _STRONG = 0.05, 0.5  # shares: below the first beside one above the second a cause is minor
 _DOUBTFUL = 0.05  # share of a cause that makes the path no better, below which it is minor
-_CLEAR = 2.0  # standard errors, below which a parameter may be nothing
+_CLEAR, _FEW = 2.0, 3  # standard errors, below which a parameter may be nothing; of so many
 _DAMPED = 0.24  # ratio, from which a mode is rather two poles that the plant lacks
 _LIGHT, _MUCH = 0.15, 0.3  # ratio, and gain over the baseline, that a mode with more damping needs
 
@@ -103,12 +103,13 @@ class Weighing:
             damping = found.parameters["damping"].value
             none = damping > _DAMPED or (damping > _LIGHT and self._taken(g.channel) < _MUCH)
         worse = g.ate_before is not None and g.ate_after is not None and g.ate_after > g.ate_before
-        return none or (worse and found.share < _DOUBTFUL)
+        return none or (worse and max(found.share, g.typical) < _DOUBTFUL)
 
 
 def _vague(found: Finding) -> bool:
-    """Whether no parameter is told from nothing: blocks of the data disagree by so much."""
-    return all(abs(e.value) < _CLEAR * e.std for e in found.parameters.values())
+    """Whether none of a few parameters is told from nothing, since blocks of the data disagree."""
+    told = list(found.parameters.values())
+    return len(told) <= _FEW and all(abs(e.value) < _CLEAR * e.std for e in told)
 
 
 def overshadowed(found: Finding, findings: Sequence[Finding]) -> bool:
