@@ -56,7 +56,8 @@ class Weighing:
         small = share < MINOR or (rest and 0.0 <= self._of_all(cause, trial.gain) < MINOR)
         small = small or not trial.believed(share, puzzling)
         imitated = trial.gain.typical <= 0.0 and self._imitated(cause, trial.gain)
-        return small or imitated or _vague(found) or self._negligible(found)
+        vague = share < _STRONG and _vague(found)
+        return small or imitated or vague or self._negligible(found)
 
     def _told_by(self, cause: Named, gain: Gain) -> bool:
         """Whether a cause of an actuator is worth most in that actuator's response."""
