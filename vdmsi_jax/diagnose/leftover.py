@@ -10,7 +10,7 @@ from .body_fit import residual
 from .body_search import BodySearch
 from .colour import whiten
 from .found import Failed, Search
-from .prepare import Runs
+from .prepare import Runs, derived, steering_angle
 from .result import Unexplained
 from .stage import Stage
 from .unexplained import LARGE, LARGE_HELD_OUT, history, slow_error, structure
@@ -48,7 +48,7 @@ def _failed(stage: Stage, failed: Failed) -> float:
 def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     stage, final = own.stage, own.final
     e = np.where(stage.mask | stage.held_out, stage.y - final.y, 0.0)
-    white = whiten(e[None], final.colour[None])[0]
+    white = whiten(e[None], final.colour[None])[0] * _evenly(runs, spec)
     rate = np.gradient(final.y, stage.dt, axis=1)
     regressors = {spec.input: stage.u, spec.output: final.y, f"rate of {spec.output}": rate}
     regressors["t"] = np.asarray(stage.signals.t)
@@ -58,7 +58,8 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     if np.any(np.asarray(stage.signals.other)):
         regressors["the other command"] = np.asarray(stage.signals.other)
     masks = (stage.mask, stage.held_out)
-    found = structure(spec.output, e, white, *masks, regressors, runs.names, stage.dt)
+    even = e * _evenly(runs, spec)
+    found = structure(spec.output, even, white, *masks, regressors, runs.names, stage.dt)
     for use, least in zip(masks, (LARGE, LARGE_HELD_OUT), strict=True):
         slow = slow_error(spec.output, e, white, stage.y, use, stage.dt, least)
         if slow is not None:
@@ -71,6 +72,16 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
         if failed.finding.gain > _LOUD and fraction > _SEEN:
             found.append(_broken(label, spec.output, fraction))
     return found
+
+
+def _evenly(runs: Runs, spec: PlantSpec) -> np.ndarray | float:
+    """What makes noise as large everywhere: an angle that was made of the yaw rate has that one's
+    noise over the speed."""
+    angle = steering_angle(runs) if spec.output == "delta" else None
+    if angle is None or not derived(runs, angle):
+        return 1.0
+    speed = np.where(angle[1], np.abs(runs.channel("v")), 0.0)
+    return speed / max(float(np.mean(speed[angle[1]])), 1e-300)
 
 
 def _of_body(runs: Runs, found: BodySearch) -> list[Unexplained]:

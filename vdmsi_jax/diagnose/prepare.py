@@ -290,7 +290,7 @@ def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
     channels = set.intersection(*(set(r.channels) for r in runs.records))
     if vehicle is None or angle is None or "v" not in channels:
         return None
-    told = "r" in channels and "delta" in channels and not _derived(runs, angle)
+    told = "r" in channels and "delta" in channels and not derived(runs, angle)
     posed = {"x", "y", "psi"} <= channels
     if not told and not posed:
         return None
@@ -341,10 +341,11 @@ def _inside(runs: Runs) -> np.ndarray:
     return np.stack([(at >= edge) & (at < size - edge) for size in sizes])
 
 
-def _derived(runs: Runs, angle: tuple[np.ndarray, np.ndarray]) -> bool:
+def derived(runs: Runs, angle: tuple[np.ndarray, np.ndarray]) -> bool:
     """Whether the steering angle was made of the yaw rate, which then tells nothing of its own."""
     vehicle = runs.records[0].vehicle
-    assert vehicle is not None
+    if vehicle is None:
+        return False
     v, r, known = runs.channel("v"), runs.channel("r"), angle[1] & runs.seen("r")
     behind = vehicle.rear_to_reference
     bicycle = Bicycle(vehicle.wheelbase - behind, behind)
