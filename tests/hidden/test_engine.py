@@ -42,10 +42,10 @@ class Hidden:
 EVERY_CASE = {
     "clean": Hidden(),
     "play": Hidden(Causes(steering_play=0.04), (("backlash", "steering", "gap", 0.04),)),
-    "rate": Hidden(Causes(steering_rate=0.35), (("rate_limit", "steering", "up", 0.35),)),
+    "rate": Hidden(Causes(steering_rate=0.35), (("rate_limit", "steering", "rising", 0.35),)),
     "offset": Hidden(Causes(steering_offset=0.02), (("offset", "steering", "bias", 0.02),)),
     "power": Hidden(
-        Causes(drive_acceleration=0.9), (("rate_limit", "powertrain", "up", 0.9),), near=0.3
+        Causes(drive_acceleration=0.9), (("rate_limit", "powertrain", "rising", 0.9),), near=0.3
     ),
     "delay": Hidden(
         Causes(command_delay=0.1),

@@ -150,7 +150,7 @@ def test_the_command_makes_everything_from_the_shipped_logs(tmp_path):
     backlash = finding["cause"] == "backlash"
     parameter = finding["parameters"]["gap" if backlash else "level"]
     width = parameter["value"] if backlash else 2.0 * parameter["value"]
-    assert width == pytest.approx(0.05, rel=0.2)
+    assert width == pytest.approx(0.05, rel=0.3)
     assert (tmp_path / "report.html").is_file()
     assert len(list((tmp_path / "figures").glob("*.svg"))) == 25
     assert (tmp_path / "report.pdf").is_file() == typst
