@@ -42,7 +42,7 @@ class Hidden:
 EVERY_CASE = {
     "clean": Hidden(),
     "play": Hidden(Causes(steering_play=0.04), (("backlash", "steering", "gap", 0.04),)),
-    "rate": Hidden(  # of the servo, which turns the wheels by 0.93 of its angle, and slips under load
+    "rate": Hidden(  # of the servo, which turns the wheels by 0.93 of its angle
         Causes(steering_rate=0.35), (("rate_limit", "steering", "rising", 0.93 * 0.35),)
     ),
     "offset": Hidden(Causes(steering_offset=0.02), (("offset", "steering", "bias", 0.02),)),
