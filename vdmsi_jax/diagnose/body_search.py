@@ -119,9 +119,15 @@ def chained(
     judge, and whether they are held out."""
     held = bool(body.held_out[channel].sum() > 50)
     use = body.held_out[channel] if held else body.mask[channel]
+    return _scored(body, final, less, channel, use), use, held
+
+
+def _scored(
+    body: Body, final: BodyFit, less: BodyFit, channel: str, use: Bool[np.ndarray, "R N"]
+) -> Scored:
     y = body.measured[channel]
     before, after = (y - residual(body, f, channel, use) for f in (less, final))
-    return Scored(channel, y, before, after, final.colour[channel]), use, held
+    return Scored(channel, y, before, after, final.colour[channel])
 
 
 def _confirmed(body: Body, final: BodyFit, less: BodyFit) -> float:
@@ -135,10 +141,7 @@ def _confirmed(body: Body, final: BodyFit, less: BodyFit) -> float:
 def _taken(body: Body, final: BodyFit, less: BodyFit) -> tuple[str, float]:
     """The channel in which a cause takes the largest share of the squared error that was fitted,
     and that share."""
-    shares = {}
-    for c, mask in body.mask.items():
-        before, after = (np.mean(residual(body, f, c, mask)[mask] ** 2) for f in (less, final))
-        shares[c] = 1.0 - float(after) / max(float(before), 1e-300)
+    shares = {c: _scored(body, final, less, c, m).taken(m) for c, m in body.mask.items()}
     return max(shares.items(), key=lambda pair: pair[1])
 
 

@@ -10,6 +10,7 @@ from .body_fit import residual
 from .body_search import BodySearch
 from .colour import whiten
 from .found import Failed, Search
+from .judge import Scored
 from .prepare import Runs, derived, steering_angle
 from .result import Unexplained
 from .stage import Stage
@@ -40,15 +41,15 @@ def _broken(label: str, channel: str, fraction: float) -> Unexplained:
 
 def _failed(stage: Stage, failed: Failed) -> float:
     """Share of the squared error that a cause took where it was fitted."""
-    fits = (failed.finding.less, failed.final)
-    before, after = (float(np.mean((stage.y - f.y)[stage.mask] ** 2)) for f in fits)
-    return max(1.0 - after / max(before, 1e-300), 0.0)
+    less, final = failed.finding.less, failed.final
+    return max(Scored("", stage.y, less.y, final.y, final.colour).taken(stage.mask), 0.0)
 
 
 def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     stage, final = own.stage, own.final
     e = np.where(stage.mask | stage.held_out, stage.y - final.y, 0.0)
-    white = whiten(e[None], final.colour[None])[0] * _evenly(runs, spec)
+    evenly = _evenly(runs, spec)
+    white = whiten(e[None], final.colour[None])[0] * evenly
     rate = np.gradient(final.y, stage.dt, axis=1)
     regressors = {spec.input: stage.u, spec.output: final.y, f"rate of {spec.output}": rate}
     regressors["t"] = np.asarray(stage.signals.t)
@@ -58,8 +59,7 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     if np.any(np.asarray(stage.signals.other)):
         regressors["the other command"] = np.asarray(stage.signals.other)
     masks = (stage.mask, stage.held_out)
-    even = e * _evenly(runs, spec)
-    found = structure(spec.output, even, white, *masks, regressors, runs.names, stage.dt)
+    found = structure(spec.output, e * evenly, white, *masks, regressors, runs.names, stage.dt)
     for use, least in zip(masks, (LARGE, LARGE_HELD_OUT), strict=True):
         slow = slow_error(spec.output, e, white, stage.y, use, stage.dt, least)
         if slow is not None:

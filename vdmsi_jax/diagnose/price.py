@@ -35,9 +35,9 @@ def score(stage: Stage, fit: Refit) -> float:
 def lack(stage: Stage, final: Refit, other: Refit) -> float:
     """What a model with another cause lacks, in twice the log-likelihood: two for each parameter
     more of its causes, and the price of a larger plant, which may imitate the cause."""
-    more, plant = 2.0 * (final.loglik - other.loglik), []
-    for f, sign in ((other, 1.0), (final, -1.0)):
-        h = f.hypothesis
-        more += sign * 2.0 * (h.size(stage) - h.poles - h.zeros - 1)
-        plant.append(_plant_price(stage, h))
-    return more + plant[0] - plant[1]
+
+    def burden(h: Hypothesis) -> float:
+        return 2.0 * (h.size(stage) - h.poles - h.zeros - 1) + _plant_price(stage, h)
+
+    more = burden(other.hypothesis) - burden(final.hypothesis)
+    return 2.0 * (final.loglik - other.loglik) + more

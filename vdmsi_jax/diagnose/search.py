@@ -80,11 +80,9 @@ def search(stage: Stage) -> Search:
             now = more
         else:
             worst = worth.index(min(worth))
-            now = findings[worst].less
-            causes = [stage.slots[f.number].cause for f in findings]
-            if causes.count(causes[worst]) == 1:  # else its other form stands for it
-                failed.append(Failed(found.findings[worst], found.final))
-                now = _instead(stage, now, seen, {*numbers, findings[worst].number})
+            failed.append(Failed(found.findings[worst], found.final))
+            numbers.add(findings[worst].number)
+            now = _instead(stage, findings[worst].less, seen, numbers)
         findings, _ = _findings(stage, now, seen)
 
 

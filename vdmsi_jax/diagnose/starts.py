@@ -68,6 +68,13 @@ def _number(stage: Stage, cause: str) -> int:
     return next(i for i, slot in enumerate(stage.slots) if slot.cause == cause)
 
 
+def _added(stage: Stage, h: Hypothesis, number: int, value: float) -> Hypothesis:
+    """The same with one cause more, its parameters at a value."""
+    theta = h.theta.copy()
+    theta[list(stage.slots[number].index)] = value
+    return replace(h, active=tuple(sorted({*h.active, number})), theta=theta)
+
+
 def late(stage: Stage, plain: Refit, order: tuple[int, int]) -> Iterable[Hypothesis]:
     """A plant reduced to an order, with the causes that it has, and with and without the delay that
     is lost."""
@@ -75,11 +82,9 @@ def late(stage: Stage, plain: Refit, order: tuple[int, int]) -> Iterable[Hypothe
         return
     h, delay = _reduced(stage, plain.hypothesis, order)
     number = _number(stage, "transport_delay")
-    theta = h.theta.copy()
-    theta[stage.slots[number].index[0]] = max(delay, 0.5 * stage.dt)
     yield h
     if number not in h.active:
-        yield replace(h, active=tuple(sorted({*h.active, number})), theta=theta)
+        yield _added(stage, h, number, max(delay, 0.5 * stage.dt))
 
 
 def backward(h: Hypothesis) -> np.ndarray:
@@ -105,9 +110,7 @@ def shifted(
         return
     number = _number(stage, "offset")
     for h in (f.hypothesis for f in grid.values() if not lingers(stage, f.hypothesis)):
-        theta = h.theta.copy()
-        theta[stage.slots[number].index[0]] = 0.01 * stage.scales.response
-        yield replace(h, active=(number,), theta=theta)
+        yield _added(stage, h, number, 0.01 * stage.scales.response)
 
 
 def all_pole(stage: Stage, h: Hypothesis) -> Hypothesis:
@@ -126,10 +129,7 @@ def waiting(
     number = _number(stage, "transport_delay")
     for order in [o for o in _BEHIND if o in grid]:
         for factor in (1.0, 2.0):
-            h = grid[order].hypothesis
-            theta = h.theta.copy()
-            theta[stage.slots[number].index[0]] = factor * amounts
-            yield replace(h, active=(number,), theta=theta)
+            yield _added(stage, grid[order].hypothesis, number, factor * amounts)
 
 
 def ringing(stage: Stage, plain: Refit) -> list[Hypothesis]:
@@ -189,9 +189,7 @@ def hilly(stage: Stage, h: Hypothesis) -> list[Hypothesis]:
     number = _number(stage, "road_grade")
     if number in h.active or number not in stage.allowed:
         return []
-    theta = h.theta.copy()
-    theta[list(stage.slots[number].index)] = 1e-4
-    return [replace(h, active=tuple(sorted({*h.active, number})), theta=theta)]
+    return [_added(stage, h, number, 1e-4)]
 
 
 def plant(h: Hypothesis, stage: Stage, den: np.ndarray, num: np.ndarray) -> Hypothesis:

@@ -71,17 +71,13 @@ class Evidence:
         findings = [f for f in findings if f not in beside]
         minor = sorted([*minor, *beside], key=lambda f: -f.share)
         budget = self._budget(sure, road)
-        taken = {
-            c: 1.0 - scores["extended"][c].mse / max(scores["baseline"][c].mse, 1e-300)
-            for c in scores["baseline"]
-        }
         serious = [u for u in left if u.fraction > _SERIOUS]
         touched = {f.gain.channel for f in findings}
         open_ = [
             u
             for u in serious
             if u.fraction > _MOSTLY
-            and taken.get(u.channel, 0.0) < _SETTLED
+            and weighing.taken(u.channel) < _SETTLED
             and (u.channel in touched or u.size > _ELSEWHERE)
         ]
         verdict = "explained" if findings else "no_effect"
@@ -197,11 +193,11 @@ class Evidence:
                 scored, use, held = chained(body, final, less, c)
                 sure.append(confirmed(scored, use, body.dt))
                 whole = replace(scored, before=less.predicted[c], after=final.predicted[c])
-                steps = None, None
+                far = near = None
                 if promised is not None:
-                    step = replace(whole, after=promised.predicted[c])
-                    steps = step, chained(body, promised, less, c)[0]
-                tried += [(whole, use, held, steps[0]), (scored, use, held, steps[1])]
+                    far = replace(whole, after=promised.predicted[c])
+                    near = chained(body, promised, less, c)[0]
+                tried += [(whole, use, held, far), (scored, use, held, near)]
         scored, use, held, step = max(tried, key=lambda t: t[0].taken(t[1]))
         worth, variance = (sum(parts) for parts in zip(*sure, strict=True))
         gain = gain_of(scored, use, held, self.runs.dt)

@@ -74,8 +74,10 @@ class Weighing:
             return math.nan
         return (gain.mse_before - gain.mse_after) / max(self.baseline[gain.channel].mse, 1e-300)
 
-    def _taken(self, channel: str) -> float:
-        """Share of the baseline's squared error that all causes take."""
+    def taken(self, channel: str) -> float:
+        """Share of the baseline's squared error that all causes take; 0 where none is known."""
+        if channel not in self.baseline:
+            return 0.0
         return 1.0 - self.extended[channel].mse / max(self.baseline[channel].mse, 1e-300)
 
     def _imitated(self, cause: Named, gain: Gain) -> bool:
@@ -85,7 +87,7 @@ class Weighing:
         if cause.search is None or not self._told_by(cause, gain) or cause.cause == "resonance":
             return False
         late = cause.cause == "transport_delay" and backward(cause.search.baseline.hypothesis).size
-        return not late and self._taken(gain.channel) <= 0.0
+        return not late and self.taken(gain.channel) <= 0.0
 
     def _negligible(self, found: Finding) -> bool:
         """Whether it is less than a body's or a plant's own: a sensor that is late by less than
@@ -102,7 +104,7 @@ class Weighing:
             none = -dt < value < 0.0
         elif found.cause == "resonance":
             damping = found.parameters["damping"].value
-            none = damping > _DAMPED or (damping > _LIGHT and self._taken(g.channel) < _MUCH)
+            none = damping > _DAMPED or (damping > _LIGHT and self.taken(g.channel) < _MUCH)
         worse = g.ate_before is not None and g.ate_after is not None and g.ate_after > g.ate_before
         return none or (worse and max(found.share, g.typical) < _DOUBTFUL)
 
@@ -114,8 +116,5 @@ def _vague(found: Finding) -> bool:
 
 
 def overshadowed(found: Finding, findings: Sequence[Finding]) -> bool:
-    """Whether it is another form of a stronger finding, or next to nothing beside one."""
-    stronger = [f for f in findings if f.share > found.share]
-    own = (found.cause, found.where, found.channel)
-    again = any((f.cause, f.where, f.channel) == own for f in stronger)
-    return again or (found.share < _WEAK and any(f.share > _STRONG for f in stronger))
+    """Whether it is next to nothing beside a strong finding."""
+    return found.share < _WEAK and any(f.share > _STRONG for f in findings)
