@@ -258,6 +258,8 @@ def test_a_sweep_goes_on_where_it_was_stopped(vdmsi, tmp_path, settings):
     assert (done.returncode, done.stderr) == (0, "")
     cells = sorted((tmp_path / "out" / "cells").iterdir())
     assert len(cells) == 2
+    report = (tmp_path / "out" / "report.html").read_text()
+    assert report.count("<svg ") == 1 and "P1Z2" in report and "steering_steps.csv" in report
     finished = {cell: cell.stat().st_mtime_ns for cell in cells}
     summary = (tmp_path / "out" / "sweep.json").read_text()
 
@@ -289,6 +291,20 @@ def test_a_refused_log_does_not_stop_a_sweep(vdmsi, tmp_path, settings):
     assert done.stderr.count("\n") == 1 and "bad.csv" in done.stderr
     rows = json.loads((tmp_path / "out" / "sweep.json").read_text())["cells"]
     assert "refused" in rows[0] and rows[1]["fit"] > 80.0
+
+
+def test_a_configuration_beside_the_log_says_which_orders(vdmsi, tmp_path, settings):
+    (tmp_path / "log.csv").write_bytes((DEMO / "steering_steps.csv").read_bytes())
+    vehicle = settings.read_text().split("[identify]")[0]
+    (tmp_path / "vehicle.toml").write_text(vehicle + "[identify]\npoles = [1]\nzeros = [0]\n")
+    (tmp_path / "sweep.toml").write_text('[sweep]\nruns = [{ log = "log.csv" }]\n')
+    done = vdmsi("identify", tmp_path / "log.csv", "--out", tmp_path / "out", "--no-report")
+    assert done.returncode == 0, done.stderr
+    found = json.loads((tmp_path / "out" / "identify.json").read_text())
+    assert list(found["plants"]["steering"]["orders"]) == ["P1Z0"]
+    done = vdmsi("sweep", tmp_path / "sweep.toml", "--out", tmp_path / "swept", "--no-report")
+    (cell,) = (tmp_path / "swept" / "cells").glob("*steering.json")
+    assert list(json.loads(cell.read_text())["orders"]) == ["P1Z0"]
 
 
 def test_main_leaves_with_code_two_in_process_too(tmp_path, capsys):

@@ -38,16 +38,18 @@ def identify(
     Args:
         logs: CSV or NPZ files, identified together.
         out: folder to write to.
-        config: TOML file: vehicle, columns, units, plants; canonical columns without one.
+        config: TOML file: vehicle, columns, units, plants, and which orders; the one that lies
+            beside each log without one, else canonical columns.
         report: write report.html.
         cache: keep compiled programs for the next time.
     """
     from .config import load_config
-    from .data.read import read_logs
+    from .data.read import config_of, read_logs
     from .files import output_folder, write_json, write_text
 
     settings = None if config is None else load_config(config)
     records = read_logs(logs, settings)
+    options = config_of(logs[0], settings).identify
     output_folder(out)
     _prepare_jax(cache)
 
@@ -56,7 +58,7 @@ def identify(
     from .identify.vehicle import each_plant
 
     with terminal.working("identifying"):
-        found = dict(each_plant(records, options=None if settings is None else settings.identify))
+        found = dict(each_plant(records, options=options))
     refused = {name: why for name, why in found.items() if isinstance(why, InputError)}
     grids = {name: grid for name, grid in found.items() if not isinstance(grid, InputError)}
     if not grids:
@@ -148,7 +150,8 @@ def diagnose(
         logs: CSV or NPZ files of one vehicle; of several, a third judges what the others
             taught: the last, unless its commands are not like theirs.
         out: folder to write to.
-        config: TOML file: vehicle, columns, units, plants; canonical columns without one.
+        config: TOML file: vehicle, columns, units, plants; the one that lies beside each log
+            without one, else canonical columns.
         report: write report.html.
         cache: keep compiled programs for the next time.
     """
@@ -185,18 +188,21 @@ def sweep(
     /,
     *,
     out: Folder,
+    report: bool = True,
     cache: bool = True,
 ) -> None:
     """Identify every plant of many logs over a grid of orders.
 
-    Finished cells are kept in the output folder; run it again to go on where it was stopped.
+    Writes sweep.json and report.html. Finished cells are kept in the output folder; run it again to
+    go on where it was stopped.
 
     Args:
         config: TOML file with a [sweep] table: logs, their configurations, and the orders.
         out: folder to write to and to take up again.
+        report: write report.html.
         cache: keep compiled programs for the next time.
     """
-    from .files import write_json
+    from .files import write_json, write_text
     from .sweep import SWEEP, plan, summarise
 
     cells = plan(config, out)
@@ -214,6 +220,12 @@ def sweep(
     rows = summarise(cells, results)
     write_json(out / "sweep.json", {"schema": SWEEP, "cells": rows})
     terminal.show_sweep(rows)
+    if report:
+        from .report.page import render
+        from .report.sweep import sweep_page
+
+        write_text(out / "report.html", render(sweep_page(rows, results)))
+        terminal.OUT.print(f"report: {out / 'report.html'}", soft_wrap=True)
     refused = [row["refused"] for row in rows if "refused" in row]
     if refused:
         print(f"vdmsi: {len(refused)} of {len(rows)} cells: {refused[0]}", file=sys.stderr)

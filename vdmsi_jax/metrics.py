@@ -5,11 +5,14 @@ parameters of the vehicle that made it. Poses are arrays of the columns x (m), y
 """
 
 import enum
+import io
 from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
+
+from .files import write_text
 
 
 class Alignment(enum.Enum):
@@ -160,12 +163,17 @@ def _relative(poses: np.ndarray, begin: np.ndarray, end: np.ndarray) -> Float[np
 
 
 def write_tum(path: str | Path, t: Float[ArrayLike, " N"], poses: Float[ArrayLike, "N 3"]) -> None:
-    """Write poses as a TUM trajectory: `t x y z qx qy qz qw`, separated by blanks, without loss."""
+    """Write poses as a TUM trajectory: `t x y z qx qy qz qw`, separated by blanks, without loss.
+
+    The file is written whole or not at all.
+    """
     t, poses = np.asarray(t, float), np.asarray(poses, float)
     x, y, psi = poses.T
     zero = np.zeros_like(t)
     table = np.stack([t, x, y, zero, zero, zero, np.sin(psi / 2), np.cos(psi / 2)], axis=1)
-    np.savetxt(path, table, fmt="%.17g")
+    lines = io.StringIO()
+    np.savetxt(lines, table, fmt="%.17g")
+    write_text(path, lines.getvalue())
 
 
 def read_tum(path: str | Path) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, "N 3"]]:

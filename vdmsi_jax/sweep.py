@@ -15,7 +15,7 @@ from typing import Any
 from . import __version__
 from .config import DEFAULT_PLANTS, IdentifyOptions, PlantSpec, load_config
 from .data.datasets import find_log
-from .data.read import read_log
+from .data.read import config_of, read_log
 from .data.record import Record
 from .errors import InputError, nearest
 from .files import output_folder, read_json, write_json
@@ -82,7 +82,8 @@ def plan(config: str | Path, out: str | Path) -> list[Cell]:
     """The cells of a sweep, in the order of the file.
 
     Args:
-        config: a TOML file with a `[sweep]` table; its `[identify]` says which orders.
+        config: a TOML file with a `[sweep]` table; its `[identify]` says which orders, that of each
+            log's configuration where it says nothing.
         out: folder of the results.
 
     Raises:
@@ -98,15 +99,16 @@ def plan(config: str | Path, out: str | Path) -> list[Cell]:
     for i, run in enumerate(sweep.sweep.runs, start=1):
         place = f"[sweep] runs {i}"
         log = find_log(run.log, beside)
-        own = None if run.config is None else beside / run.config
-        plants = {p.name: p for p in load_config(own).plants or DEFAULT_PLANTS}
+        own = config_of(log, None if run.config is None else beside / run.config)
+        options = own.identify if sweep.identify == IdentifyOptions() else sweep.identify
+        plants = {p.name: p for p in own.plants or DEFAULT_PLANTS}
         for name in run.plants or plants:
             if name not in plants:
                 problem = f"there is no plant {name!r}"
                 raise InputError(sweep.source, f"{place} plants", problem, nearest(name, plants))
-            key = _fingerprint(log, own, plants[name], sweep.identify)
+            key = _fingerprint(log, own.path, plants[name], options)
             file = folder / f"{log.parent.name}.{log.stem}.{name}.json"
-            cells.append(Cell(log, own, plants[name], sweep.identify, key, file))
+            cells.append(Cell(log, own.path, plants[name], options, key, file))
     return cells
 
 

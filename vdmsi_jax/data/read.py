@@ -43,8 +43,7 @@ def read_log(path: str | Path, config: str | Path | Config | None = None) -> Rec
             key, and the mend.
     """
     path = Path(path)
-    if not isinstance(config, Config):
-        config = load_config(config if config is not None else _beside(path))
+    config = config_of(path, config)
     where = _where(config)
     table = _open_table(path)
     columns = _columns(config, table.names, path)
@@ -123,10 +122,19 @@ def _open_table(path: Path) -> Table:
         raise InputError(str(path), "", problem, "check the file") from None
 
 
-def _beside(path: Path) -> Path | None:
-    """The configuration that lies beside a log, if there is one."""
-    candidates = (path.with_suffix(".toml"), *(path.parent / name for name in _CONFIG_NAMES))
-    return next((candidate for candidate in candidates if candidate.is_file()), None)
+def config_of(path: str | Path, config: str | Path | Config | None = None) -> Config:
+    """The configuration by which `read_log` reads a log: the one given, or that beside the log.
+
+    Raises:
+        InputError: the configuration is refused.
+    """
+    if isinstance(config, Config):
+        return config
+    if config is None:
+        path = Path(path)
+        candidates = (path.with_suffix(".toml"), *(path.parent / name for name in _CONFIG_NAMES))
+        config = next((candidate for candidate in candidates if candidate.is_file()), None)
+    return load_config(config)
 
 
 def _columns(config: Config, names: Sequence[str], path: Path) -> dict[str, str]:

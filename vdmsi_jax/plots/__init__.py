@@ -27,3 +27,4 @@ from .residuals import residuals as residuals
 from .signals import channels as channels
 from .signals import fitted as fitted
 from .style import to_svg as to_svg
+from .sweep import order_sweep as order_sweep

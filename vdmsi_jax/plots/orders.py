@@ -9,7 +9,7 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.patheffects import withStroke
 
 from ..identify.result import LOW_FIT, Fit, OrderGrid
-from .style import INK, MUTED, WIDTH, squared_unit, styled, unit_label
+from .style import INK, MUTED, WIDTH, legible, squared_unit, styled, unit_label
 
 
 @styled
@@ -96,7 +96,7 @@ def _heat_map(axes: Axes, grid: OrderGrid, what: str, norm: Normalize, colours: 
         value, low = getattr(fit, what), not fit.fit >= LOW_FIT
         face = "#fbe9dd" if low else map_(norm(value))
         axes.add_patch(Rectangle(cell, 0.94, 0.92, facecolor=face, edgecolor="none"))
-        ink = INK if low or _luminance(face) > 0.22 else "white"
+        ink = INK if low else legible(face)
         axes.text(
             x, y, text(value), ha="center", va="center", fontsize=8, color=ink,
             alpha=0.75 if low else 1.0, fontweight="bold" if order == grid.chosen else "normal",
@@ -125,8 +125,3 @@ def _heat_map(axes: Axes, grid: OrderGrid, what: str, norm: Normalize, colours: 
 def _short(fit: Fit) -> str:
     """The first words of a status, two short lines at most."""
     return fit.status.split(":")[0].replace(" ", "\n", 1)
-
-
-def _luminance(rgba) -> float:
-    red, green, blue = (c / 12.92 if c <= 0.04 else ((c + 0.055) / 1.055) ** 2.4 for c in rgba[:3])
-    return 0.2126 * red + 0.7152 * green + 0.0722 * blue

@@ -68,6 +68,12 @@ _STYLE: dict[Any, Any] = {
 }
 
 
+def legible(rgba: Sequence[float]) -> str:
+    """The ink that is read best on a face of this colour (relative luminance of WCAG 2)."""
+    red, green, blue = (c / 12.92 if c <= 0.04 else ((c + 0.055) / 1.055) ** 2.4 for c in rgba[:3])
+    return INK if 0.2126 * red + 0.7152 * green + 0.0722 * blue > 0.22 else "white"
+
+
 def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
     """Decorate a function that returns a figure, to draw it in the project's style."""
 
