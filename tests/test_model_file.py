@@ -149,7 +149,7 @@ def test_every_effect_comes_back_bit_for_bit(tmp_path):
         (channel, effect) for channel in ("r", "delta", "pose") for effect in registered(SENSOR)
     ]
     model = Model(
-        {"steering": lagged(*registered(ACTUATOR), lead=0.123, substeps=3)},
+        {"steering": lagged(*registered(ACTUATOR), leads=(0.123, 0.01), substeps=3)},
         VehicleGeometry(1.0, 1.5),
         registered(VEHICLE),
         tuple(sensors),
@@ -218,7 +218,7 @@ def extended():
             {"cause": "saturation", "parameters": {"upper": 2}, "form": {"at": "command"}},
             {"cause": "road_grade", "parameters": {"slope": [0.0, 0.01] * (KNOTS // 2)}},
         ],
-        "lead": 0.1,
+        "leads": [0.1, 0.0],
     }
     return document | {
         "body": [{"cause": "understeer", "parameters": {"gradient": 0.002}}],
@@ -273,7 +273,7 @@ def first(document):
             lambda d: d["plants"]["steering"]["effects"][2].update(constants={"span": math.nan}),
             "span.*not finite",
         ),
-        (lambda d: d["plants"]["steering"].update(lead=-1.0), "lead.*negative"),
+        (lambda d: d["plants"]["steering"].update(leads=[-1.0, 0.0]), "leads.*negative"),
         (lambda d: d["plants"]["steering"].update(substeps=0), "substeps.*out of range"),
         (lambda d: d["body"][0].update(cause="backlash"), r"body 1 cause.*unknown cause"),
         (lambda d: d["body"][0].update(parameters=[0.002]), r"body.*not a table"),

@@ -12,7 +12,7 @@ import pytest
 
 from effects.worlds import ON_A_PLANT, REGISTRY, WORLDS, benches, label
 from vdmsi_jax.effects import AbstractEffect, Effort
-from vdmsi_jax.models.extended_plant import observer, respond
+from vdmsi_jax.models.extended_plant import observer, respond, slowness_of
 
 ALONG = ("command", "held", "output", "measured", "sensor")  # signal and what is beside it
 BODY = ("speed", "angle", "course", "curvature", "relaxed")
@@ -38,7 +38,7 @@ def signal(n=96):
 def test_these_are_all_ports():
     public = {name for name, _ in inspect.getmembers(AbstractEffect) if not name.startswith("_")}
     assert public - {"cause", "weight", "remembers", "scaled", "probes"} == {
-        *ALONG, *BODY, "effort",
+        *ALONG, *BODY, "load", "effort",
     }  # fmt: skip
 
 
@@ -56,6 +56,8 @@ def test_a_signal_passes_the_ports_untouched(effect):
         out = getattr(made, port)(into, around)
         assert out.dtype == np.float64
         np.testing.assert_array_equal(out, into, err_msg=port)
+    for made in forms(effect):
+        np.testing.assert_array_equal(made.load(beside), np.zeros(fine.size))
 
 
 @every_effect
@@ -98,13 +100,14 @@ def test_lags_are_off_at_every_sample_period(name, h):
 
 @jax.jit
 def _bare(u, signals, a, b, pace):
-    system, rest, slowness = observer(a, b, pace)
-    return respond(system, rest, (), u, eqx.tree_at(lambda s: s.slowness, signals, slowness))
+    system, rest = observer(a, b, pace)
+    return respond(system, rest, (), u, signals)
 
 
 @eqx.filter_jit
 def _with(effects, u, signals, a, b, pace):
-    system, rest, slowness = observer(a, b, pace)
+    system, rest = observer(a, b, pace)
+    slowness = slowness_of(a, b, pace, signals.leads)
     return respond(system, rest, effects, u, eqx.tree_at(lambda s: s.slowness, signals, slowness))
 
 

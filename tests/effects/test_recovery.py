@@ -17,7 +17,7 @@ from effects import plain
 from effects.worlds import label
 from vdmsi_jax.diagnose.refit import Hypothesis, Refit, refit
 from vdmsi_jax.diagnose.screen import screen
-from vdmsi_jax.diagnose.stage import LEAD, POLES, Slot, Stage
+from vdmsi_jax.diagnose.stage import FIRST_CAUSE, LEADS, POLES, Slot, Stage
 from vdmsi_jax.effects import ACTUATOR, Scales, Signals
 
 ROWS, DT, SUBSTEPS = 1000, 0.02, 4
@@ -141,7 +141,7 @@ def stage_of(name: str, poles: int) -> Stage:
     )  # fmt: skip
     signals = Signals(
         *map(jnp.asarray, (t, v, other, distance)),
-        jnp.ones(()), jnp.zeros(()), jnp.asarray(DT / SUBSTEPS), SUBSTEPS,
+        jnp.ones(()), jnp.zeros(2), jnp.asarray(DT / SUBSTEPS), SUBSTEPS,
     )  # fmt: skip
     effects = tuple(e.scaled(scales) for e in ACTUATOR)
     everything = np.ones(u.shape, bool)
@@ -169,7 +169,7 @@ def starts_of(stage: Stage, slot: Slot, case: Case, poles: int) -> Iterator[np.n
         assert np.any(np.abs(probe - case.truth) > 0.01 * np.abs(case.truth))
         for lead in (0.0, 0.2) if poles > 1 and slot.forces else (0.0,):
             theta = plant_of(stage, poles)
-            theta[index], theta[LEAD] = probe, lead * TAU * PACE
+            theta[index], theta[LEADS[0]] = probe, lead * TAU * PACE
             yield theta
 
 
@@ -204,7 +204,7 @@ def test_the_size_is_found(name, poles):
     error = np.abs(values - truth) / np.where(size > 0.0, size, 1.0)
     assert np.all(error < (case.within or WITHIN)), (values, truth, np.sqrt(fit.variance) / NOISE)
     if poles > 1 and slot.forces:
-        np.testing.assert_allclose(fit.hypothesis.theta[LEAD] / PACE, FIRST, rtol=0.25)
+        np.testing.assert_allclose(fit.hypothesis.theta[LEADS[0]] / PACE, FIRST, rtol=0.25)
 
 
 def test_what_a_stage_leaves_out_is_nothing():
@@ -217,7 +217,7 @@ def test_what_a_stage_leaves_out_is_nothing():
             vectors.append(plant_of(stage, 2))
             vectors[-1][list(slot.index)] = probe
             nudged.append(vectors[-1] + 1e-12 * stage.usual)
-            nudged[-1][: LEAD + 1] = vectors[-1][: LEAD + 1]
+            nudged[-1][:FIRST_CAUSE] = vectors[-1][:FIRST_CAUSE]
             nudged[-1][list(slot.index)] = probe
     answers = stage.simulate(np.array(vectors))
     np.testing.assert_allclose(stage.simulate(np.array(nudged)), answers, rtol=0.0, atol=1e-8)

@@ -60,7 +60,7 @@ def test_an_effect_knows_whether_it_acts_between_the_rows(effect):
     if getattr(effect, "at", None) == "command" and effect.cause == "backlash":
         assert not effect.remembers  # one class has the port `output` for its other form
         return
-    between = {"held", "effort", "output", "sensor"}
+    between = {"held", "load", "effort", "output", "sensor"}
     own = {
         name for name in between if getattr(type(effect), name) is not vars(AbstractEffect)[name]
     }

@@ -15,7 +15,7 @@ import numpy as np
 
 from vdmsi_jax.effects import ACTUATOR, SENSOR, VEHICLE, AbstractEffect, Scales, Signals
 from vdmsi_jax.models.bicycle import Bicycle
-from vdmsi_jax.models.extended_plant import observer, respond
+from vdmsi_jax.models.extended_plant import observer, respond, slowness_of
 from vdmsi_jax.parameters import Parameter, parameters
 
 REGISTRY = ACTUATOR + VEHICLE + SENSOR
@@ -60,7 +60,7 @@ class World:
         t = self.dt * k
         signals = Signals(
             *map(jnp.asarray, (t, v, other, distance)),
-            jnp.ones(()), jnp.zeros(()), jnp.asarray(self.dt / SUBSTEPS), SUBSTEPS,
+            jnp.ones(()), jnp.zeros(2), jnp.asarray(self.dt / SUBSTEPS), SUBSTEPS,
         )  # fmt: skip
         return self.size * u, signals
 
@@ -187,7 +187,8 @@ class Program:
 def answer_of_plant(world, vector):
     """Rows of a plant with all causes of actuators and sensors."""
     u, signals, a, b, pace, effects = world
-    system, rest, slowness = observer(a, b, pace)
+    system, rest = observer(a, b, pace)
+    slowness = slowness_of(a, b, pace, signals.leads)
     told = eqx.tree_at(lambda s: s.slowness, signals, slowness)
     return respond(system, rest, filled(effects, vector), u, told)
 

@@ -1,5 +1,6 @@
 """A plant with effects: the linear one where they are off, and plain loops where they are on."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -15,7 +16,13 @@ from vdmsi_jax.effects.saturation import Saturation
 from vdmsi_jax.effects.sensor import SensorBias
 from vdmsi_jax.effects.speed_dependent_gain import SpeedDependentGain
 from vdmsi_jax.effects.transport_delay import TransportDelay
-from vdmsi_jax.models.extended_plant import ExtendedPlant, observer, respond, surroundings
+from vdmsi_jax.models.extended_plant import (
+    ExtendedPlant,
+    observer,
+    respond,
+    slowness_of,
+    surroundings,
+)
 from vdmsi_jax.models.transfer_function import TransferFunction
 
 DT, ROWS, STEPS = 0.01, 1200, 4
@@ -133,23 +140,46 @@ def test_a_deceleration_is_worth_time_constants_of_command(poles):
     np.testing.assert_allclose(climbed.y[-1], GAIN * (2.0 - spent), rtol=1e-6)
 
 
+def test_a_controller_with_an_integral_makes_up_for_a_hill():
+    """A mass under a PI controller, in small steps: it gives way to a hill, and comes back. To the
+    plant that force has a long lead, and still the slope is the slope."""
+    kp, ki, dt, slope = 2.0, 1.5, 1e-4, 0.03
+    v, integral, seen = 0.0, 0.0, []
+    for k in range(int(20.0 / dt)):
+        if k % round(DT / dt) == 0:
+            seen.append(v)
+        error = (1.0 if k * dt >= 1.0 else 0.0) - v
+        hill = GRAVITY * slope if k * dt >= 10.0 else 0.0
+        v, integral = v + dt * (kp * error + ki * integral - hill), integral + dt * error
+    u = (np.arange(len(seen)) * DT >= 1.0 - 1e-9).astype(float)
+    linear = TransferFunction([kp, ki], [1.0, kp, ki])
+    late = CoulombFriction(0.0, 0.0)  # a plant needs an effect to have leads
+    way = np.where(np.arange(KNOTS) * 100.0 / (KNOTS - 1) > 50.0, slope, 0.0)
+    told = surroundings(jnp.where(jnp.arange(u.size) * DT < 10.0, 0.0, 1e4), jnp.zeros(u.size), DT)
+    told = eqx.tree_at(lambda s: s.distance, told, jnp.clip(told.distance, 0.0, 99.0))
+    plant = ExtendedPlant(linear, (late, RoadGrade(way, 100.0)), leads=(400.0, 0.0))
+    y = plant.hearing(told).simulate(u, DT).y
+    np.testing.assert_allclose(y, seen, atol=4e-3)
+    assert abs(seen[1100] - 1.0) > 0.05 and abs(seen[-1] - 1.0) < 2e-3
+
+
 def test_it_is_what_a_diagnosis_simulates():
     """The same plant, in the form in which a diagnosis looks for causes, whose unit of time is its
     own."""
-    u, pace, lead = commands(), 5.0, 0.04
+    u, pace, leads = commands(), 5.0, np.array([0.4, 0.0])
     linear = TransferFunction([2.0, 90.0], [1.0, 20.0, 100.0])
     effects = (CoulombFriction(0.1, 0.05), Backlash(0.05), Offset(0.1))
-    a, b = np.array([20.0 / pace, 100.0 / pace**2, 0, 0]), np.array([2.0 / pace, 90.0 / pace**2])
-    system, rest, slowness = observer(
-        jnp.asarray(a), jnp.asarray(np.r_[b, 0.0, 0.0]), jnp.asarray(pace)
-    )
+    a = jnp.array([20.0 / pace, 100.0 / pace**2, 0.0, 0.0])
+    b = jnp.array([2.0 / pace, 90.0 / pace**2, 0.0, 0.0])
+    system, rest = observer(a, b, jnp.asarray(pace))
+    slowness = slowness_of(a, b, jnp.asarray(pace), jnp.asarray(leads * pace))
     signals = Signals.plain(u.size, DT, STEPS)
     told = Signals(
         signals.t, signals.v, signals.other, signals.distance, slowness,
-        jnp.asarray(lead * pace), signals.h, STEPS,
+        jnp.asarray(leads * pace), signals.h, STEPS,
     )  # fmt: skip
     expected = respond(system, rest, effects, jnp.asarray(u), told)
-    plant = ExtendedPlant(linear, effects, lead=lead)
+    plant = ExtendedPlant(linear, effects, leads=leads)
     np.testing.assert_allclose(plant.simulate(u, DT).y, expected, atol=SAME)
     without = ExtendedPlant(linear, effects).simulate(u, DT).y
     assert float(abs(without - expected).max()) > 1e-3

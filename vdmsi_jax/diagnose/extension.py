@@ -18,7 +18,7 @@ from .body import CAUSES
 from .body_search import BodySearch
 from .found import Search
 from .refit import Hypothesis
-from .stage import LEAD, POLES, Stage, Unravel
+from .stage import FIRST_CAUSE, LEADS, POLES, Stage, Unravel
 
 
 def plain_model(searches: Mapping[PlantSpec, Search], records: Sequence[Record]) -> Model:
@@ -54,11 +54,11 @@ def extended_model(
             size, phase, _ = swing.strength(found.stage, h.swing, frequency)
             sine, cosine = found.stage.slots[number].index[1:]
             theta[sine], theta[cosine] = size * np.cos(phase), size * np.sin(phase)
-        effects = Unravel(found.stage.effects)(theta[LEAD + 1 :])
+        effects = Unravel(found.stage.effects)(theta[FIRST_CAUSE:])
         on = tuple(effects[k] for k in h.active)
         substeps = found.stage.signals.substeps
-        lead = h.theta[LEAD] / found.stage.pace
-        model = ExtendedPlant(linear, on, lead=lead, substeps=substeps)
+        leads = h.theta[list(LEADS)] / found.stage.pace ** np.arange(1, 3)
+        model = ExtendedPlant(linear, on, leads=leads, substeps=substeps)
         plants[spec.name] = Plant(spec, model)
     body, sensors = ((), ()) if bodily is None else _body(bodily)
     return Model(plants, records[0].vehicle, body=body, sensors=sensors)

@@ -12,9 +12,9 @@ from .body_fit import BodyFit
 from .body_search import BodyFinding, BodySearch
 from .colour import whiten
 from .found import MARGIN, Finding, Search
-from .refit import Refit
+from .refit import Hypothesis, Refit
 from .result import Estimate, Rival
-from .stage import Slot
+from .stage import LEADS, Slot
 
 _CLEAR = 2.0  # standard errors from which a drift is told as bent
 _HALF = 0.5  # of a value, by which two that are one may differ, however uncertain they are
@@ -180,9 +180,36 @@ def estimates(
         if slot.cause == "quantization":  # no slope tells it: how far the same rounding allows
             largest = max(abs(search.stage.scales.low), abs(search.stage.scales.high))
             std = float(fit.hypothesis.theta[i] ** 2 / (6.0 * largest))
-        value, std = known.tell(float(fit.hypothesis.theta[i]), std)
+        estimate = float(fit.hypothesis.theta[i])
+        if slot.cause == "coulomb_friction" and i in free:
+            estimate, std = _felt(fit, free, i)
+        value, std = known.tell(estimate, std)
         told[name] = Estimate(value, std, told_unit(slot, j, units))
     return _renamed(slot.cause, told)
+
+
+def _felt(fit: Refit, free: Sequence[int], at: int) -> tuple[float, float]:
+    """A force as the command that pushes as hard, and its standard deviation."""
+    h = fit.hypothesis
+    value = h.theta[at] * _push(h)
+    slopes = np.zeros(len(free))
+    for k, i in enumerate(free):
+        theta, step = h.theta.copy(), 1e-5 * max(abs(float(h.theta[i])), 1e-9)
+        theta[i] += step
+        slopes[k] = (theta[at] * _push(replace(h, theta=theta)) - value) / step
+    return float(value), math.sqrt(max(float(slopes @ fit.covariance @ slopes), 0.0))
+
+
+def _push(h: Hypothesis) -> float:
+    """By what a force pushes harder than the same command where a controller makes up for what
+    lasts: at the frequency of the two slowest poles. One where none does (see `slowness_of`)."""
+    lead, more = h.theta[list(LEADS)]
+    if h.poles < 2 or lead == 0.0:
+        return 1.0
+    beyond = (0.5 * lead * h.den[-1] / h.den[-2]) ** 4
+    s = 1j * np.sqrt(np.prod(np.sort(np.abs(np.roots(h.den)))[:2]))
+    pushes = abs(1.0 + h.num[-1] * (lead * s + more * s * s) / np.polyval(h.num, s))
+    return float(1.0 + (pushes - 1.0) * beyond / (1.0 + beyond))
 
 
 def _swinging(

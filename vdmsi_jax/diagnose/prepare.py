@@ -239,14 +239,14 @@ def make_stage(name, u, y, mask, held_out, shared, allowed, wheres, dt) -> Stage
     )  # fmt: skip
     effects = tuple(e.scaled(scales) for e in ACTUATOR)
     t, v, other, distance = (jnp.asarray(x) for x in shared)
-    one, zero = jnp.ones(()), jnp.zeros(())
-    signals = Signals(t, v, other, distance, one, zero, jnp.asarray(dt), 1)
+    one, none = jnp.ones(()), jnp.zeros(2)
+    signals = Signals(t, v, other, distance, one, none, jnp.asarray(dt), 1)
     stage = Stage(name, u, y, mask, held_out, signals, effects, allowed, wheres, scales, 1.0, dt)
     slow, response = _look(stage)
     rates = np.abs(np.diff(response, axis=1))[known[:, 1:]] / dt
     scales = replace_scales(scales, rate=float(np.quantile(rates, 0.95)), time_constant=slow)
     substeps = int(np.clip(2 ** np.ceil(np.log2(max(15.0 * dt / slow, 1.0))), 1, 4))
-    signals = Signals(t, v, other, distance, one, zero, jnp.asarray(dt / substeps), substeps)
+    signals = Signals(t, v, other, distance, one, none, jnp.asarray(dt / substeps), substeps)
     return replace(stage, scales=scales, pace=1.0 / slow, signals=signals)
 
 

@@ -17,7 +17,7 @@ from jaxtyping import Float
 from . import swing
 from .colour import autoregression, filter_length, whiten
 from .free_response import free_response
-from .stage import LEAD, POLES, Stage
+from .stage import LEADS, POLES, Stage
 
 _STEP = 1e-4  # of a parameter's usual size, for differences
 _SETTLED = 0.05  # gain of twice the log-likelihood by a step after which a lane rests
@@ -50,7 +50,9 @@ class Hypothesis:
         a = list(range(self.poles))
         b = list(range(POLES + self.poles - 1 - self.zeros, POLES + self.poles))
         slots = [stage.slots[number] for number in self.active]
-        lead = [LEAD] if self.poles > 1 and any(slot.forces for slot in slots) else []
+        forced = any(slot.forces for slot in slots)
+        lead = [LEADS[0]] if forced and self.poles > 1 else []
+        lead += [LEADS[1]] if forced and self.poles > 2 and self.theta[LEADS[1]] != 0.0 else []
         own = [i for s in slots for i in (s.index[:1] if s.cause == swing.CAUSE else s.index)]
         return np.array(a + b + lead + own)
 
@@ -289,7 +291,7 @@ def _advance(stage: Stage, lanes: list[Lane], counted: np.ndarray) -> None:
     low, high = stage.bounds
     stale = []
     for lane in lanes:
-        rough = any(stage.slots[number].forces for number in lane.hypothesis.active)
+        rough = any(stage.slots[number].rough for number in lane.hypothesis.active)
         if lane.drift > 0.0 and (rough or len(lanes) <= _FEW):
             lane.slopes = None
         if lane.slopes is None:

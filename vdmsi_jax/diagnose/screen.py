@@ -14,7 +14,7 @@ from jaxtyping import Float
 from . import swing
 from .colour import predicted, spectrum, whiten
 from .refit import Hypothesis, Refit, responses, sensitivities, usable
-from .stage import LEAD, MOST_LEAD, Stage
+from .stage import LEADS, MOST_LEAD, Stage
 
 _LARGEST = 3.0  # a probe may be scaled by so much when its size is estimated
 _TOGETHER = 32  # directions that are judged at once
@@ -59,10 +59,12 @@ def screen(stage: Stage, at: Refit, fine: bool = True) -> list[Candidate]:
             e = np.where(stage.mask, stage.y - at.y, 0.0)
             white = whiten(e[None], at.colour[None])[0] * usable(stage)
             options = [((f, 0.0, 0.0), own) for f, own in swing.peaks(stage, e, white)]
-        leads = _leads(at.hypothesis) if slot.forces else (at.hypothesis.theta[LEAD],)
-        for (probe, own), lead in product(options, leads):
+        known = tuple(at.hypothesis.theta[list(LEADS)])
+        for (probe, own), leads in product(
+            options, _leads(at.hypothesis) if slot.forces else (known,)
+        ):
             theta = at.hypothesis.theta.copy()
-            theta[list(slot.index)], theta[LEAD] = probe, lead
+            theta[list(slot.index)], theta[list(LEADS)] = probe, leads
             active = (*at.hypothesis.active, number)
             numbers.append(number)
             tried.append(replace(at.hypothesis, active=active, theta=theta, swing=own))
@@ -79,15 +81,19 @@ def screen(stage: Stage, at: Refit, fine: bool = True) -> list[Candidate]:
     return sorted(best.values(), key=lambda c: -c.gain)
 
 
-def _leads(h: Hypothesis) -> tuple[float, ...]:
-    """Leads of a force to try: none, and what makes up for all poles but the two slowest, which are
-    those of the mass that it acts on."""
-    known = float(h.theta[LEAD])
-    if h.poles < 3 or known > 0.0:
+def _leads(h: Hypothesis) -> tuple[tuple[float, float], ...]:
+    """Leads of a force to try: none, what makes up for all poles but the two slowest, which are
+    those of the mass that it acts on, and both behind a controller that makes up for lasting
+    forces."""
+    known = tuple(h.theta[list(LEADS)])
+    if h.poles < 2 or any(known):
         return (known,)
     poles = np.roots(h.den)
-    fast = poles[np.argsort(np.abs(poles))][2:]
-    return (0.0, float(np.clip(np.sum(np.real(-1.0 / fast)), 0.0, MOST_LEAD)))
+    fast = float(np.sum(np.real(-1.0 / poles[np.argsort(np.abs(poles))][2:])))
+    fast = min(max(fast, 0.0), MOST_LEAD)
+    washed = min(max(4.0 * h.den[-2] / h.den[-1], 0.0), MOST_LEAD)
+    tried = [(0.0, 0.0), (washed, min(washed * fast, MOST_LEAD))]
+    return tuple(tried) if h.poles < 3 else (*tried, (fast, 0.0))
 
 
 def _finer(stage: Stage, ground: "_Ground", found: Candidate) -> Candidate:

@@ -12,7 +12,7 @@ from .outcome import completed, steadiness
 from .price import CAUSE_COST, lack, price, score
 from .refit import Hypothesis, Refit, refit, responses
 from .screen import RAGGED, Candidate, screen
-from .stage import LEAD, POLES, Stage
+from .stage import FIRST_CAUSE, LEADS, POLES, Stage
 from .starts import (
     all_pole,
     backward,
@@ -79,11 +79,17 @@ def search(stage: Stage) -> Search:
                 return replace(found, findings=told, screened=tuple(screened), failed=tuple(failed))
             now = more
         else:
-            worst = worth.index(min(worth))
+            worst = _first_out(found.findings, worth)
             failed.append(Failed(found.findings[worst], found.final))
             numbers.add(findings[worst].number)
             now = _instead(stage, findings[worst].less, seen, numbers)
         findings, _ = _findings(stage, now, seen)
+
+
+def _first_out(findings: Sequence[Finding], worth: Sequence[float]) -> int:
+    """Of several causes that fail together, the one that gained least: it may spoil the others."""
+    failing = [k for k, w in enumerate(worth) if w <= 0.0] or [worth.index(min(worth))]
+    return min(failing, key=lambda k: findings[k].gain)
 
 
 def _whole(
@@ -211,7 +217,7 @@ def _climbed(
         seen |= {_key(f.hypothesis): f for f in fits}
         better = [f for f in fits if score(stage, f) > score(stage, now)]
         if now is plain and not better:
-            better = [f for f in fits if _rings(stage, f, plain, grid)]
+            better = [f for f in fits if _rings(stage, f, plain, seen)]
             rings = bool(better)
         if now is not plain:
             size = now.hypothesis.size(stage)
@@ -326,7 +332,7 @@ def _best_of_each(fits: Sequence[Refit]) -> list[Refit]:
 
 def joined(h: Hypothesis, candidate: Candidate) -> Hypothesis:
     theta = candidate.theta.copy()
-    theta[:LEAD] = h.theta[:LEAD]
+    theta[: LEADS[0]] = h.theta[: LEADS[0]]
     active = tuple(sorted({*h.active, candidate.number}))
     return replace(h, active=active, theta=theta, swing=candidate.swing)
 
@@ -341,7 +347,7 @@ def _smaller(stage: Stage, grid: Mapping[tuple[int, int], Refit], plain: Refit) 
 def _cleared(stage: Stage, h: Hypothesis, keep: Iterable[int] = ()) -> np.ndarray:
     """The vector with all causes off but those to keep."""
     theta = stage.off.copy()
-    theta[: LEAD + 1] = h.theta[: LEAD + 1]
+    theta[:FIRST_CAUSE] = h.theta[:FIRST_CAUSE]
     for number in keep:
         index = list(stage.slots[number].index)
         theta[index] = h.theta[index]
@@ -355,7 +361,8 @@ def _without(stage: Stage, h: Hypothesis, number: int) -> Hypothesis:
 
 def _eliminate(stage: Stage, now: Refit, seen: dict[tuple, Refit]) -> Refit:
     """Take causes out again that others have made needless, or a plant of another order: what was
-    seen without one is refitted from where it stood. A pole is believed rather than a delay."""
+    seen without one is refitted from where it stood. A pole is believed rather than a delay, and a
+    resonance rather than the poles that could stand for it."""
     while now.hypothesis.active:
         starts = [_without(stage, now.hypothesis, number) for number in now.hypothesis.active]
         known = []
@@ -368,6 +375,8 @@ def _eliminate(stage: Stage, now: Refit, seen: dict[tuple, Refit]) -> Refit:
         gone = next(iter(set(now.hypothesis.active) - set(best.hypothesis.active)))
         told_by_poles = stage.slots[gone].cause == "transport_delay"
         if score(stage, best) < score(stage, now) - (_TOLD if told_by_poles else 0.0):
+            return now
+        if _rings(stage, now, best, seen):
             return now
         now = best
     return now
@@ -424,17 +433,18 @@ def _afresh(stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]) -
     return _best_of_each([*fits, *refit(stage, mirrored(stage, fits))])
 
 
-def _rings(stage: Stage, f: Refit, plain: Refit, grid: Mapping[tuple[int, int], Refit]) -> bool:
-    """Whether a fit tells lightly damped poles of the plain plant by their name, as well as it, or
+def _rings(stage: Stage, f: Refit, plain: Refit, seen: Mapping[tuple, Refit]) -> bool:
+    """Whether a fit tells lightly damped poles of a larger plant by their name, as well as it, or
     nearly all of what they are worth."""
-    h = f.hypothesis
-    slots = [stage.slots[number] for number in h.active]
-    if [slot.cause for slot in slots] != ["resonance"]:
+    h, others = f.hypothesis, set(plain.hypothesis.active)
+    named = [stage.slots[number] for number in h.active if number not in others]
+    if [slot.cause for slot in named] != ["resonance"] or not others < set(h.active):
         return False
-    damping = h.theta[slots[0].index[slots[0].names.index("damping")]]
-    smaller = sum(_order(h)) < sum(_order(plain.hypothesis))
-    bare = grid.get(_order(h))
+    (slot,) = named
+    damping = h.theta[slot.index[slot.names.index("damping")]]
+    bare = seen.get((*_order(h), frozenset(others)))
     if bare is None or score(stage, bare) > score(stage, f):
         return False
+    smaller = sum(_order(h)) < sum(_order(plain.hypothesis))
     worth, lacks = (score(stage, plain) - score(stage, other) for other in (bare, f))
     return smaller and damping < _LIGHT and lacks < max(_TOLD, _LITTLE * worth)

@@ -16,13 +16,14 @@ import numpy as np
 from jaxtyping import ArrayLike, Bool, Float
 
 from ..effects import AbstractEffect, Scales, Signals
-from ..models.extended_plant import observer, respond, steps_of
+from ..models.extended_plant import acts, observer, respond, slowness_of, steps_of
 from ..models.state_space import StateSpace
 from ..parameters import Parameter, parameters
 
 POLES = 4
-LEAD = 2 * POLES  # where the lead of forces stands in a vector, in units of 1 / pace
-MOST_LEAD = 30.0  # of it
+LEADS = (2 * POLES, 2 * POLES + 1)  # where those of forces stand in a vector, by 1 / pace
+FIRST_CAUSE = LEADS[-1] + 1  # where the parameters of causes begin
+MOST_LEAD = 30.0
 _LANES = 16  # of a compiled program
 
 
@@ -44,7 +45,12 @@ class Slot:
     @property
     def forces(self) -> bool:
         """Whether it acts as a force inside the dynamics."""
-        return type(self.effect).effort is not AbstractEffect.effort
+        return acts(self.effect, "effort") or acts(self.effect, "load")
+
+    @property
+    def rough(self) -> bool:
+        """Whether its force depends on the motion, by laws with corners."""
+        return acts(self.effect, "effort")
 
     @property
     def weight(self) -> float:
@@ -86,7 +92,7 @@ class Stage:
     @cached_property
     def slots(self) -> tuple[Slot, ...]:
         """All causes, in the order of `effects`."""
-        found, at = [], LEAD + 1
+        found, at = [], FIRST_CAUSE
         for effect, where in zip(self.effects, self.wheres, strict=True):
             index, names, known = [], [], []
             for name, parameter in parameters(effect).items():
@@ -103,13 +109,14 @@ class Stage:
     def off(self) -> Float[np.ndarray, " P"]:
         """The vector of a plant without poles and causes."""
         values = [np.atleast_1d(k.off) for e in self.effects for k in parameters(e).values()]
-        return np.concatenate([np.zeros(LEAD + 1), *values])
+        return np.concatenate([np.zeros(FIRST_CAUSE), *values])
 
     @cached_property
     def bounds(self) -> tuple[Float[np.ndarray, " P"], Float[np.ndarray, " P"]]:
         """Lower and upper bounds."""
         low, high = np.full(self.off.size, -np.inf), np.full(self.off.size, np.inf)
-        low[LEAD], high[LEAD] = 0.0, MOST_LEAD
+        low[list(LEADS)] = 0.0, 1e-6  # the second is free where it is not off, and stays free
+        high[list(LEADS)] = MOST_LEAD
         for slot in self.slots:
             for i, known in zip(slot.index, slot.known, strict=True):
                 low[i], high[i] = known.lower, known.upper
@@ -232,8 +239,10 @@ def _plants(theta, pace, h):
     """The plants of many vectors: system, state at rest, slowness, and steps over `h` seconds."""
 
     def one(vector):
-        system, rest, slowness = observer(vector[:POLES], vector[POLES : 2 * POLES], pace)
-        steps = steps_of(system, vector[LEAD], h)
+        a, b, leads = vector[:POLES], vector[POLES : 2 * POLES], vector[np.array(LEADS)]
+        system, rest = observer(a, b, pace)
+        slowness = slowness_of(a, b, pace, leads)
+        steps = steps_of(system, leads, h)
         return (system.A, system.B, system.C, system.D), rest, slowness, steps
 
     return jax.vmap(one)(theta)
@@ -247,8 +256,9 @@ def _simulate(tree, leaves, plants, theta, on, u, level):
         matrices, rest, slowness, steps = plant
         known = ~jnp.isnan(level) & (jnp.abs(rest[0]) > 1e-9)
         before = jnp.where(known, level / jnp.where(known, rest[0], 1.0), u[0])
-        told = replace(signals, slowness=slowness, lead=vector[LEAD], before=before)
-        effects = unravel(vector[LEAD + 1 :])
+        leads = vector[np.array(LEADS)]
+        told = replace(signals, slowness=slowness, leads=leads, before=before)
+        effects = unravel(vector[FIRST_CAUSE:])
         return respond(StateSpace(*matrices), rest, effects, u, told, on, steps, rest * before)
 
     per_run = jax.tree.map(lambda leaf: 0 if jnp.ndim(leaf) == 2 else None, signals)

@@ -3,7 +3,7 @@ identity when it is off.
 
 The signal's way through an actuator, with the ports by name::
 
-    command -> [command] -> [held] -> dynamics with [effort] inside -> [output] -> measurement
+    command -> [command] -> [held] -> dynamics with [load] and [effort] -> [output] -> measurement
 
 `command` sees the rows of the record, where commands are held; the other ports see sub-steps, finer
 than the rows, so that effects with memory (play, friction, a limited rate) are discrete operators
@@ -30,9 +30,10 @@ class Signals(eqx.Module):
         other: the command of the other actuator, in its unit; zero where there is none.
         distance: travelled since the start of the run, m.
         slowness: as in `Effort`.
-        lead: seconds by which a force acts earlier than a command: zero where it acts beside the
-            command (a position servo), the time constant of what lies between where it acts behind
-            that (a lag before the body), large where an integrator lies between.
+        leads: what a force does earlier than a command, as polynomial `1 + leads[0] q + leads[1]
+            q^2` of the plant's own unit of time: zero where it acts beside the command (a position
+            servo), the time constant of what lies between where it acts behind that (a lag before
+            the body), large where an integrator in the controller makes up for it.
         h: length of a sub-step, s.
         substeps: sub-steps a row.
         before: the command that acted before the first row; None for the first command itself.
@@ -43,7 +44,7 @@ class Signals(eqx.Module):
     other: Float[Array, "*runs N"]
     distance: Float[Array, "*runs N"]
     slowness: Float[Array, ""]
-    lead: Float[Array, ""]
+    leads: Float[Array, "2"]
     h: Float[Array, ""]
     substeps: int = eqx.field(static=True)
     before: Float[Array, ""] | None = None
@@ -52,8 +53,8 @@ class Signals(eqx.Module):
     def plain(n: int, dt: float, substeps: int = 1) -> "Signals":
         """The signals of a plant that is no vehicle's, for `n` rows every `dt` seconds."""
         nothing = jnp.zeros(n)
-        one, zero, h = jnp.ones(()), jnp.zeros(()), jnp.asarray(dt / substeps, float)
-        return Signals(dt * jnp.arange(n), nothing, nothing, nothing, one, zero, h, substeps)
+        one, none, h = jnp.ones(()), jnp.zeros(2), jnp.asarray(dt / substeps, float)
+        return Signals(dt * jnp.arange(n), nothing, nothing, nothing, one, none, h, substeps)
 
 
 class Effort(eqx.Module):
@@ -66,7 +67,8 @@ class Effort(eqx.Module):
         gain: by how much a unit of force, told as a command, lowers that rate.
         stuck: 1 where the response stood still in the sub-step before, else 0.
         slowness: seconds of command that a unit of acceleration is worth: the sum of the plant's
-            time constants over its gain.
+            time constants over its gain; where an integrator makes up for it, by the response to it
+            before it does.
     """
 
     u: Float[Array, ""]
@@ -131,7 +133,7 @@ class AbstractEffect(eqx.Module):
     @property
     def remembers(self) -> bool:
         """Whether it acts between the rows: at a port other than `command` and `measured`."""
-        ports = ("held", "effort", "output", "sensor")
+        ports = ("held", "load", "effort", "output", "sensor")
         return any(getattr(type(self), p) is not getattr(AbstractEffect, p) for p in ports)
 
     def scaled(self, scales: Scales) -> "AbstractEffect":
@@ -149,6 +151,10 @@ class AbstractEffect(eqx.Module):
     def held(self, u: Float[Array, " M"], signals: Signals) -> Float[Array, " M"]:
         """The command at the sub-steps, on its way to the dynamics."""
         return u
+
+    def load(self, signals: Signals) -> Float[Array, " M"]:
+        """The force at the sub-steps that no motion changes, in the unit of the command."""
+        return jnp.zeros(signals.t.shape[0] * signals.substeps)
 
     def effort(self, at: Effort) -> Float[Array, ""]:
         """The force against the command in one sub-step, in the unit of the command."""

@@ -40,9 +40,10 @@ class RoadGrade(AbstractEffect):
         one = [tuple(0.03 * (j == k) for j in range(KNOTS)) for k in range(KNOTS)]
         return [tuple(h[0] for h in hills), *one]
 
-    def held(self, u: Float[Array, " M"], signals: Signals) -> Float[Array, " M"]:
+    def load(self, signals: Signals) -> Float[Array, " M"]:
         at = signals.distance / self.span * (KNOTS - 1)
         knots = jnp.arange(KNOTS)
         hats = jnp.maximum(0.0, 1.0 - jnp.abs(at[:, None] - knots))
         pull = GRAVITY * signals.slowness * (hats @ self.slope)
-        return u - jnp.repeat(pull, signals.substeps, total_repeat_length=u.shape[0])
+        steps = pull.shape[0] * signals.substeps
+        return jnp.repeat(pull, signals.substeps, total_repeat_length=steps)

@@ -182,7 +182,7 @@ def _plant_document(plant: Plant) -> dict[str, Any]:
     }
     if isinstance(model, ExtendedPlant) and model.effects:
         document["effects"] = documents(model.effects, ACTUATOR, "ACTUATOR")
-        document |= {"lead": model.lead, "substeps": model.substeps}
+        document |= {"leads": model.leads, "substeps": model.substeps}
     return document
 
 
@@ -195,11 +195,11 @@ class _Entry:
     delay: float = 0.0
     offset: float = 0.0
     effects: tuple[EffectEntry, ...] = ()
-    lead: float = 0.0
+    leads: tuple[float, ...] = (0.0, 0.0)
     substeps: int = 4
 
     def __post_init__(self):
-        for name in ("num", "den", "delay", "offset", "lead"):
+        for name in ("num", "den", "delay", "offset", "leads"):
             value = getattr(self, name)
             if not all(map(math.isfinite, value if isinstance(value, tuple) else (value,))):
                 raise InputError("model", name, "is not finite", "write the file anew")
@@ -211,8 +211,9 @@ class _Entry:
             raise InputError("model", "num", improper, "give no more zeros than poles")
         if self.delay < 0.0:
             raise InputError("model", "delay", f"{self.delay} is negative", "give seconds")
-        if self.lead < 0.0:
-            raise InputError("model", "lead", f"{self.lead} is negative", "give seconds")
+        if len(self.leads) != 2 or min(self.leads) < 0.0:
+            mend = "give two numbers, s and s^2, none of them negative"
+            raise InputError("model", "leads", f"{list(self.leads)} are no leads", mend)
         if not 1 <= self.substeps <= _MOST_SUBSTEPS:
             mend = f"give a whole number from 1 to {_MOST_SUBSTEPS}"
             raise InputError("model", "substeps", f"{self.substeps} is out of range", mend)
@@ -226,7 +227,9 @@ class _Entry:
             return Plant(spec, model)
         made = all_made(self.effects, ACTUATOR, "effects")
         made = tuple(made[i] for i in in_order(made, ACTUATOR))
-        return Plant(spec, ExtendedPlant(model, made, lead=self.lead, substeps=self.substeps))
+        return Plant(
+            spec, ExtendedPlant(model, made, leads=np.array(self.leads), substeps=self.substeps)
+        )
 
 
 @dataclass(frozen=True)

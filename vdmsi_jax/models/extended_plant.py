@@ -1,13 +1,15 @@
 """A plant with causes in it: a transfer function and a tuple of effects at its ports."""
 
 import dataclasses
+from collections.abc import Sequence
+from functools import partial
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, ArrayLike, Bool, Float
+from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from vdmsi_jax.effects.base import AbstractEffect, Effort, Signals, late
 from vdmsi_jax.models.linear_plant import LinearPlant
@@ -46,6 +48,10 @@ class ExtendedTrace(AbstractTrace):
         return self.y[:-1].reshape(-1, self.substeps), self.y[1:].reshape(-1, self.substeps)
 
 
+def _floats(x: ArrayLike | Sequence[float]) -> Array:
+    return jnp.asarray(x, float)
+
+
 class ExtendedPlant(AbstractPlant):
     """An actuator with what a linear one lacks: play, friction, limits, a road that rises.
 
@@ -58,16 +64,16 @@ class ExtendedPlant(AbstractPlant):
         plant: the linear part. Its delay acts on the command before the effects at the port `held`,
             exactly where it is a multiple of a sub-step; its offset acts last.
         effects: in the order in which they act, that of `vdmsi_jax.effects.ACTUATOR`.
-        lead: see `Signals.lead`, s.
+        leads: see `Signals.leads`, s and s^2.
         substeps: steps a row, for effects with memory.
-        told: what the other actuator and the speed do, a value each row; its `slowness`, `lead`,
+        told: what the other actuator and the speed do, a value each row; its `slowness`, `leads`,
             `h` and `substeps` are not read, since they are the plant's own. `None` where there is
             nothing to tell; the simulation of a vehicle tells its actuators by itself.
     """
 
     plant: TransferFunction
     effects: tuple[AbstractEffect, ...] = eqx.field(converter=tuple)
-    lead: Float[Array, ""] = eqx.field(converter=lambda x: jnp.asarray(x, float), default=0.0)
+    leads: Float[Array, "2"] = eqx.field(converter=_floats, default=(0.0, 0.0))
     substeps: int = eqx.field(static=True, default=4)
     told: Signals | None = None
 
@@ -128,15 +134,17 @@ class ExtendedPlant(AbstractPlant):
         if told.t.shape[0] != rows:
             problem = f"the plant was told {told.t.shape[0]} rows and has {rows} commands"
             raise ValueError(f"{problem}; give `hearing` one value for each command")
-        A, num, den = self.plant.to_plant().system.A, self.plant.num, self.plant.den
-        pace = A[0, 1] if den.shape[0] > 2 else jnp.ones(())  # of the observer form, 1/s
+        system = self.plant.to_plant().system
+        pace = system.A[0, 1] if system.B.shape[0] > 1 else jnp.ones(())  # 1/s
+        a, b = -system.A[:, 0] / pace, system.B / pace
+        leads = self.leads * pace ** jnp.arange(1.0, 3.0)
         return Signals(
             t=jnp.append(told.t, told.t[-1] + dt),
             v=jnp.append(told.v, told.v[-1]),
             other=jnp.append(told.other, told.other[-1]),
             distance=jnp.append(told.distance, told.distance[-1] + abs(told.v[-1]) * dt),
-            slowness=den[-2] / jnp.where(num[-1] == 0.0, 1.0, num[-1]),
-            lead=self.lead * pace,
+            slowness=slowness_of(a, b, pace, leads),
+            leads=leads,
             h=dt / self.substeps,
             substeps=self.substeps,
         )
@@ -159,7 +167,7 @@ def surroundings(
     dt = jnp.asarray(dt, float)
     t = jnp.asarray(since, float) + dt * jnp.arange(v.shape[0])
     way = jnp.concatenate([jnp.zeros(1), jnp.cumsum(jnp.abs(v[:-1])) * dt])
-    return Signals(t, v, other, way, jnp.ones(()), jnp.zeros(()), dt, 1)
+    return Signals(t, v, other, way, jnp.ones(()), jnp.zeros(2), dt, 1)
 
 
 def _by_substeps(signals: Signals) -> Signals:
@@ -238,14 +246,15 @@ def _moved(
     steps: tuple[Float[Array, "2 n n"], Float[Array, "2 n"]] | None = None,
 ) -> Float[Array, " M"]:
     """What the dynamics and the forces inside them make of the held command."""
-    inside = [i for i, e in enumerate(effects) if _acts(e, "effort")]
-    forces = tuple(effects[i] for i in inside)
+    inside = [i for i, e in enumerate(effects) if acts(e, "effort") or acts(e, "load")]
+    forces = tuple(effects[i] for i in inside if acts(effects[i], "effort"))
 
     if steps is None:
-        steps = steps_of(system, signals.lead, signals.h)
+        steps = steps_of(system, signals.leads, signals.h)
 
     def moved(held: Array) -> Array:
-        return _dynamics(system, steps, rest, forces, held, signals, start)
+        load = _load(effects, held, signals, on)
+        return _dynamics(system, steps, rest, forces, held, signals, start, load)
 
     def free(held: Array) -> Array:
         return _dynamics(system, steps, rest, (), held, signals, start)
@@ -255,16 +264,38 @@ def _moved(
     return lax.cond(jnp.any(on[np.array(inside)]), moved, free, held)
 
 
+def _load(
+    effects: tuple[AbstractEffect, ...],
+    held: Float[Array, " M"],
+    signals: Signals,
+    on: Bool[Array, " effects"] | None,
+) -> Float[Array, " M"]:
+    """The forces that no motion changes."""
+    total = jnp.zeros_like(held)
+    for i, effect in enumerate(effects):
+        if acts(effect, "load"):
+            push = partial(_pushed, effect, signals)
+            total = push(total) if on is None else lax.cond(on[i], push, lambda x: x, total)
+    return total
+
+
+def _pushed(
+    effect: AbstractEffect, signals: Signals, total: Float[Array, " M"]
+) -> Float[Array, " M"]:
+    return total + effect.load(signals)
+
+
 def steps_of(
-    system: StateSpace, lead: Float[Array, ""], h: Float[Array, ""]
+    system: StateSpace, leads: Float[Array, "2"], h: Float[Array, ""]
 ) -> tuple[Float[Array, "2 n n"], Float[Array, "2 n"]]:
     """A system's steps over `h` seconds: for a command, and for a force that leads it."""
-    inputs = jnp.stack([system.B, _led(system.B, lead)])
+    inputs = jnp.stack([system.B, _led(system.B, leads)])
     step = jax.vmap(lambda B: StateSpace(system.A, B, system.C, system.D).discretise(h))
     return step(inputs)
 
 
-def _acts(effect: AbstractEffect, port: str) -> bool:
+def acts(effect: AbstractEffect, port: str) -> bool:
+    """Whether an effect does something at a port."""
     return getattr(type(effect), port) is not getattr(AbstractEffect, port)
 
 
@@ -277,7 +308,7 @@ def _through(
 ) -> Float[Array, " M"]:
     """A signal behind the effects at its port."""
     for i, effect in enumerate(effects):
-        if _acts(effect, port):
+        if acts(effect, port):
             act = getattr(effect, port)
             if on is None:
                 x = act(x, signals)
@@ -294,6 +325,7 @@ def _dynamics(
     u: Float[Array, " M"],
     signals: Signals,
     x0: Float[Array, " n"] | None = None,
+    load: Float[Array, " M"] | None = None,
 ) -> Float[Array, " M"]:
     """The output at the start of each sub-step, with forces inside. The states are scalars of their
     own, so that a batch of plants is elementwise arithmetic.
@@ -301,10 +333,11 @@ def _dynamics(
     Args:
         steps: of the system over a sub-step, for the command and for a force.
         x0: state at the start; at rest under the first command if None.
+        load: forces that no motion changes; none of any kind act if None.
     """
     Ad, (Bd, Fd) = steps[0][0], steps[1]
     gain = system.C @ system.A @ Bd + system.C @ system.B
-    hold = system.C @ system.A @ Fd + system.C @ _led(system.B, signals.lead)
+    hold = system.C @ system.A @ Fd + system.C @ _led(system.B, signals.leads)
     hold = jnp.where(jnp.abs(hold) > 1e-12, hold, 1e-12)
     n = Bd.shape[0]
     A = [[Ad[i, j] for j in range(n)] for i in range(n)]
@@ -312,15 +345,15 @@ def _dynamics(
     slope = system.C @ system.A @ Ad
     m = [slope[i] for i in range(n)]
 
-    def step(carry: tuple, u: Array) -> tuple[tuple, Array]:
-        x, stuck = carry
+    def step(carry: tuple, now: tuple) -> tuple[tuple, Array]:
+        (x, stuck), (u, push) = carry, now
         y = x[0] + system.D * u
         x = tuple(_sum(A[i][j] * x[j] for j in range(n)) + B[i] * u for i in range(n))
-        if not inside:
+        if load is None:
             return (x, stuck), y
         before = carry[0]
-        rate = _sum(m[j] * before[j] for j in range(n)) + gain * u
-        total = jnp.zeros_like(u)
+        rate = _sum(m[j] * before[j] for j in range(n)) + gain * u - hold * push
+        total = push
         for effect in inside:
             spent = effect.effort(Effort(u, y, rate, hold, stuck, signals.slowness))
             rate, total = rate - hold * spent, total + spent
@@ -328,14 +361,28 @@ def _dynamics(
         return (tuple(x[i] - F[i] * total for i in range(n)), stuck), y
 
     first = rest * u[0] if x0 is None else x0
+    if load is not None:  # at rest under the force, too, which `x0` has as part of the command
+        level = rest if x0 is None else jnp.zeros_like(rest)
+        first = first - load[0] * (level - _ahead(system, signals.leads))
     start = tuple(first[i] for i in range(n))
-    return lax.scan(step, (start, jnp.zeros(())), u)[1]
+    pushes = jnp.zeros_like(u) if load is None else load
+    return lax.scan(step, (start, jnp.zeros(())), (u, pushes))[1]
 
 
-def _led(B: Float[Array, " n"], lead: Float[Array, ""]) -> Float[Array, " n"]:
-    """Input vector of a force that enters behind a part of the dynamics: `B` with the numerator
-    times `1 + lead q`, in observer form; `lead` is in the form's own unit of time, that of `q`."""
-    return B + lead * jnp.append(B[1:], 0.0)
+def _led(B: Float[Array, " n"], leads: Float[Array, "2"]) -> Float[Array, " n"]:
+    """Input vector of a force that enters behind a part of the dynamics: in observer form, the
+    numerator and `leads[0] q + leads[1] q^2` of what it is at rest. `q` is the form's own unit."""
+    at_rest = jnp.where(jnp.arange(B.shape[0]) == _last(B), B, 0.0)
+    once = jnp.append(at_rest[1:], 0.0)
+    return B + leads[0] * once + leads[1] * jnp.append(once[1:], 0.0)
+
+
+def _ahead(system: StateSpace, leads: Float[Array, "2"]) -> Float[Array, " n"]:
+    """By what the state at rest under a command is beyond that under a force that leads it."""
+    if system.B.shape[0] < 2:
+        return jnp.zeros_like(system.B)
+    ahead = (_led(system.B, leads) - system.B) / system.A[0, 1]
+    return jnp.append(0.0, ahead[:-1])
 
 
 def _sum(terms) -> Array:
@@ -348,24 +395,45 @@ def _sum(terms) -> Array:
 
 def observer(
     a: Float[Array, " n"], b: Float[Array, " n"], pace: Float[Array, ""]
-) -> tuple[StateSpace, Float[Array, " n"], Float[Array, ""]]:
+) -> tuple[StateSpace, Float[Array, " n"]]:
     """The observer form of `(b1 q^(n-1) + ... + bn) / (q^n + a1 q^(n-1) + ... + an)` with
-    `q = s / pace`.
+    `q = s / pace`, and its state at rest per unit of command.
 
     Trailing zeros in both make a plant of lower order: their states stay exactly zero, so plants of
     every order are one batch.
-
-    Returns:
-        The system, its state at rest per unit of command, and its slowness (see `Effort`).
     """
     n = a.shape[0]
     A = (jnp.eye(n, k=1).at[:, 0].add(-a)) * pace
     system = StateSpace(A, b * pace, jnp.eye(n)[0], jnp.zeros(()))
-    order = n - 1 - jnp.argmax((jax.lax.stop_gradient(a) != 0.0)[::-1])
-    last, push = a[order], b[order]
-    level = push / jnp.where(last == 0.0, 1.0, last)
+    order = _last(a)
+    level = b[order] / jnp.where(a[order] == 0.0, 1.0, a[order])
     others = jnp.where(jnp.arange(n - 1) < order, a[:-1] * level - b[:-1], 0.0)
-    rest = jnp.concatenate([level[None], others])
+    return system, jnp.concatenate([level[None], others])
+
+
+def slowness_of(
+    a: Float[Array, " n"],
+    b: Float[Array, " n"],
+    pace: Float[Array, ""],
+    leads: Float[Array, "2"],
+) -> Float[Array, ""]:
+    """Seconds of command that a unit of acceleration is worth (see `Effort`), of the plant that
+    `observer` takes. Where the lead of a force is beyond the plant's time constants, the controller
+    makes up for it, and what counts is how fast the response gives way before."""
+    order = _last(a)
     before = jnp.where(order > 0, a[order - 1], 1.0)
-    slowness = before / (pace * jnp.where(push == 0.0, 1.0, push))
-    return system, rest, slowness
+    push = jnp.where(b[order] == 0.0, 1.0, b[order])
+    plain = before / (pace * push)
+    if a.shape[0] < 2:
+        return plain
+    force = _led(b, leads)
+    gives = jnp.maximum(abs(force[0]), abs(force[1]) / jnp.maximum(abs(a[0]), 1e-9))
+    beyond = (0.5 * leads[0] * a[order] / jnp.where(before == 0.0, 1.0, before)) ** 4
+    share = beyond / (1.0 + beyond)
+    ratio = abs(push) / jnp.maximum(gives * abs(before), 1e-12)
+    return plain * jnp.where(beyond > 0.0, ratio, 1.0) ** share
+
+
+def _last(a: Float[Array, " n"]) -> Int[Array, ""]:
+    """Where the last coefficient stands that is not zero."""
+    return a.shape[0] - 1 - jnp.argmax((lax.stop_gradient(a) != 0.0)[::-1])
