@@ -172,7 +172,7 @@ def estimates(
     """The parameters of a cause by the contract's names, with units."""
     if slot.cause == swing.CAUSE:
         return _swinging(slot, fit, search, units)
-    free = list(fit.hypothesis.free(search.stage))
+    free = fit.hypothesis.free(search.stage).tolist()
     told: dict[str, Estimate] = {}
     for j, (name, i, known) in enumerate(zip(slot.names, slot.index, slot.known, strict=True)):
         variance = fit.covariance[free.index(i), free.index(i)] if i in free else math.nan

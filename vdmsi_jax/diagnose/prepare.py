@@ -244,10 +244,18 @@ def make_stage(name, u, y, mask, held_out, shared, allowed, wheres, dt) -> Stage
     stage = Stage(name, u, y, mask, held_out, signals, effects, allowed, wheres, scales, 1.0, dt)
     slow, response = _look(stage)
     rates = np.abs(np.diff(response, axis=1))[known[:, 1:]] / dt
-    scales = replace_scales(scales, rate=float(np.quantile(rates, 0.95)), time_constant=slow)
+    scales = replace_scales(scales, rate=_typical(rates), time_constant=slow)
     substeps = int(np.clip(2 ** np.ceil(np.log2(max(15.0 * dt / slow, 1.0))), 1, 4))
     signals = Signals(t, v, other, distance, one, none, jnp.asarray(dt / substeps), substeps)
     return replace(stage, scales=scales, pace=1.0 / slow, signals=signals)
+
+
+def _typical(rates: np.ndarray) -> float:
+    """The rate that moves have: their 95 % quantile, or where most of the time nothing moves, the
+    one below which half of their energy lies."""
+    energy = np.cumsum(np.sort(rates) ** 2)
+    half = np.sort(rates)[np.searchsorted(energy, 0.5 * energy[-1])]
+    return float(max(np.quantile(rates, 0.95), half))
 
 
 def replace_scales(scales: Scales, **new: float) -> Scales:

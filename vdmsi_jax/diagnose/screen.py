@@ -58,7 +58,8 @@ def screen(stage: Stage, at: Refit, fine: bool = True) -> list[Candidate]:
         if slot.cause == swing.CAUSE:
             e = np.where(stage.mask, stage.y - at.y, 0.0)
             white = whiten(e[None], at.colour[None])[0] * usable(stage)
-            options = [((f, 0.0, 0.0), own) for f, own in swing.peaks(stage, e, white)]
+            lines = swing.peaks(stage, at.hypothesis.theta, at.hypothesis.active, e, white)
+            options = [((f, 0.0, 0.0), own) for f, own in lines]
         known = tuple(at.hypothesis.theta[list(LEADS)])
         for (probe, own), leads in product(
             options, _leads(at.hypothesis) if slot.forces else (known,)
@@ -72,13 +73,21 @@ def screen(stage: Stage, at: Refit, fine: bool = True) -> list[Candidate]:
     ground = _Ground(stage, at)
     gains = ground.explained(y - at.simulated)
     best: dict[int, Candidate] = {}
+    loudest, loud = None, 0.0  # a colour takes most of a line, and less of its overtones
     for number, h, gain in zip(numbers, tried, gains, strict=True):
+        here = Candidate(number, float(gain), h.theta, h.swing)
         if number not in best or gain > best[number].gain:
-            best[number] = Candidate(number, float(gain), h.theta, h.swing)
+            best[number] = here
+        if h.swing is not None and stage.slots[number].cause == swing.CAUSE:
+            size = float(np.sum(h.swing**2))
+            loudest, loud = (here, size) if size > loud else (loudest, loud)
     stepped = [n for n in best if fine and stage.slots[n].cause in RAGGED]
     for n in stepped:
         best[n] = _finer(stage, ground, best[n])
-    return sorted(best.values(), key=lambda c: -c.gain)
+    found = list(best.values())
+    if loudest is not None and loudest is not best[loudest.number]:
+        found.append(loudest)
+    return sorted(found, key=lambda c: -c.gain)
 
 
 def _leads(h: Hypothesis) -> tuple[tuple[float, float], ...]:

@@ -1,23 +1,22 @@
 """From a stage to the causes that explain it: baseline, forward selection, elimination, rivals."""
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from .baseline import baselines, best_of_each, closest, grown, key_of, order_of
 from .found import Failed, Finding, Search
 from .judge import Scored, confirmed, gain_of
 from .outcome import completed, steadiness
 from .price import CAUSE_COST, lack, price, score
-from .refit import Hypothesis, Refit, refit, responses
+from .refit import Hypothesis, Refit, refit
 from .screen import RAGGED, Candidate, screen
 from .stage import FIRST_CAUSE, LEADS, POLES, Stage
 from .starts import (
     all_pole,
     backward,
     bent,
-    first_order,
     hilly,
     late,
     mirrored,
@@ -27,10 +26,6 @@ from .starts import (
     shifted,
     waiting,
 )
-
-ORDERS = ((1, 0), (2, 0), (2, 1), (3, 0), (3, 1), (3, 2), (4, 0), (4, 1), (4, 2), (4, 3))
-"""Orders that a baseline may have. The plant comes first: a missing pole must not be called a
-delay."""
 
 _REFITTED = 10  # candidates of a screen that are refitted
 _SMALLER = 2  # smaller plants that are screened
@@ -42,7 +37,8 @@ _APART = 1.7  # standard errors over blocks from which two causes are told apart
 SWAPS = 3
 SWAPPED = 2.0  # by which another cause must be better to take a place
 _RIVALS = 8  # that are told
-_LIGHT, _TOLD = 0.15, 10.0  # damping of a mode; what its name, or a pole for a delay, may cost
+_LIGHT, _NAME = 0.15, 20.0  # damping of a mode, and what its name may cost
+_TOLD = 10.0  # what a pole for a delay may cost
 _LITTLE = 0.01  # of what the poles are worth that tell a mode, which its name may cost
 _GROWS = 50.0  # that a cause in a small plant must gain for larger ones to be tried with it
 _MUCH, _SURE = 0.4, 2.5  # share of the error, and standard errors, that data held out bear out
@@ -102,7 +98,7 @@ def _whole(
 ) -> Search:
     """What was found in the runs that were fitted, over all runs."""
     bare = replace(now.hypothesis, active=(), theta=_cleared(stage, now.hypothesis))
-    order = _order(now.hypothesis)
+    order = order_of(now.hypothesis)
     baseline = grid[order] if order in grid else refit(stage, [bare])[0]
     if score(stage, plain) > score(stage, baseline) or not findings:
         baseline = plain
@@ -196,7 +192,7 @@ def _climbed(
 
     now, rings = plain, False
     screened: list[Candidate] = []
-    seen: dict[tuple, Refit] = {_key(f.hypothesis): f for f in grid.values()}
+    seen: dict[tuple, Refit] = {key_of(f.hypothesis): f for f in grid.values()}
     while len(now.hypothesis.active) < _MOST_CAUSES:
         candidates = screen(stage, now)
         screened = screened or candidates
@@ -207,14 +203,14 @@ def _climbed(
         else:
             starts += [h for order in (*_SMALL, (3, 0)) for h in late(stage, now, order)]
             if not rings:  # or the plant would take the mode back
-                starts += _promising(stage, list(nested(stage, now.hypothesis)), 1)
+                starts += closest(stage, list(nested(stage, now.hypothesis)), 1)
         most = max((c.gain for c in promising), default=0.0)
         fits = refit(stage, starts, worth=worth, reach=max(_REACH, 0.5 * most))
-        fits = _best_of_each([*fits, *refit(stage, mirrored(stage, fits))])
+        fits = best_of_each([*fits, *refit(stage, mirrored(stage, fits))])
         if now is plain:
             fits += _afresh(stage, plain, grid)
-            fits += [f for small in _strongest(stage, fits, grid) for f in _grown(stage, small)]
-        seen |= {_key(f.hypothesis): f for f in fits}
+            fits += [f for small in _strongest(stage, fits, grid) for f in grown(stage, small)]
+        seen |= {key_of(f.hypothesis): f for f in fits}
         better = [f for f in fits if score(stage, f) > score(stage, now)]
         if now is plain and not better:
             better = [f for f in fits if _rings(stage, f, plain, seen)]
@@ -236,7 +232,7 @@ def _in_smaller(
     stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]
 ) -> list[Hypothesis]:
     """Causes in smaller plants, which they may make enough, a delay among them."""
-    coefficients = sum(_order(plain.hypothesis))
+    coefficients = sum(order_of(plain.hypothesis))
     orders = [o for o in _SMALL if sum(o) < coefficients]
     starts = [h for order in orders for h in late(stage, plain, order)]
     for smaller in _smaller(stage, grid, plain):
@@ -245,38 +241,13 @@ def _in_smaller(
     return starts
 
 
-def baselines(stage: Stage) -> dict[tuple[int, int], Refit]:
-    """The plain plant at every order, each from its neighbours with less."""
-    first = refit(stage, first_order(stage))
-    grid = {(1, 0): max(first, key=lambda f: f.loglik)}
-    for poles in range(2, POLES + 1):
-        wanted = [order for order in ORDERS if order[0] == poles]
-        starts = []
-        for order in wanted:
-            simpler = [f.hypothesis for key, f in grid.items() if key[0] == poles - 1]
-            starts += [h for less in simpler for h in nested(stage, less) if _order(h) == order]
-        fits = _best_of_each(refit(stage, _promising(stage, starts)))
-        grid |= {_order(f.hypothesis): f for f in fits}
-        for order in wanted:  # a zero more, from the same number of poles
-            if (poles, order[1] - 1) in grid:
-                below = grid[poles, order[1] - 1].hypothesis
-                more = [h for h in nested(stage, below) if _order(h) == order]
-                known = [grid[order]] if order in grid else []
-                again = _best_of_each([*refit(stage, _promising(stage, more)), *known])
-                grid |= {_order(f.hypothesis): f for f in again}
-        best = max(grid.values(), key=lambda f: score(stage, f))
-        if best.hypothesis.poles < poles:
-            break
-    return grid
-
-
 def _strongest(
     stage: Stage, fits: Sequence[Refit], grid: Mapping[tuple[int, int], Refit]
 ) -> list[Refit]:
     """The small plants with a cause that gained most over the same plants without."""
     gained = []
     for f in fits:
-        bare = grid.get(_order(f.hypothesis))
+        bare = grid.get(order_of(f.hypothesis))
         if bare is not None and f.hypothesis.active and f.hypothesis.poles < POLES:
             gained.append((score(stage, f) - score(stage, bare), f))
     gained = [(g, f) for g, f in gained if g > _GROWS]
@@ -284,50 +255,6 @@ def _strongest(
     for _, f in sorted(gained, key=lambda pair: -pair[0]):
         picked.setdefault(f.hypothesis.active, f)
     return list(picked.values())[:2]
-
-
-def _grown(stage: Stage, fit: Refit) -> list[Refit]:
-    """The same with more poles and zeros, for as long as they are worth their price."""
-    found = []
-    while True:
-        starts = _promising(stage, list(nested(stage, fit.hypothesis)), 1)
-        better = max(refit(stage, starts), key=lambda f: score(stage, f), default=fit)
-        if score(stage, better) <= score(stage, fit):
-            return found
-        found.append(better)
-        fit = better
-
-
-def _promising(stage: Stage, starts: Sequence[Hypothesis], kept: int = 2) -> list[Hypothesis]:
-    """The starts of each order whose responses come closest as they stand, gain left open."""
-    if len(starts) <= kept:
-        return list(starts)
-    y = responses(stage, starts)[:, stage.mask]
-    seen = stage.y[stage.mask]
-    errors = np.sum((y - seen) ** 2, axis=1)
-    picked: dict[tuple, list[int]] = {}
-    for k in np.argsort(np.where(np.isfinite(errors), errors, np.inf)):
-        own = picked.setdefault(_key(starts[k]), [])
-        if len(own) < kept:
-            own.append(int(k))
-    return [starts[k] for own in picked.values() for k in own]
-
-
-def _order(h: Hypothesis) -> tuple[int, int]:
-    return h.poles, h.zeros
-
-
-def _key(h: Hypothesis) -> tuple:
-    return h.poles, h.zeros, frozenset(h.active)
-
-
-def _best_of_each(fits: Sequence[Refit]) -> list[Refit]:
-    best: dict[tuple, Refit] = {}
-    for f in fits:
-        key = _key(f.hypothesis)
-        if math.isfinite(f.loglik) and (key not in best or f.loglik > best[key].loglik):
-            best[key] = f
-    return list(best.values())
 
 
 def joined(h: Hypothesis, candidate: Candidate) -> Hypothesis:
@@ -339,7 +266,7 @@ def joined(h: Hypothesis, candidate: Candidate) -> Hypothesis:
 
 def _smaller(stage: Stage, grid: Mapping[tuple[int, int], Refit], plain: Refit) -> list[Refit]:
     """The best of the smaller plants, which a cause may make enough."""
-    coefficients = sum(_order(plain.hypothesis))
+    coefficients = sum(order_of(plain.hypothesis))
     small = [f for o, f in grid.items() if sum(o) < coefficients and o in _SMALL]
     return sorted(small, key=lambda f: -score(stage, f))[:_SMALLER]
 
@@ -370,7 +297,7 @@ def _eliminate(stage: Stage, now: Refit, seen: dict[tuple, Refit]) -> Refit:
             own = [f for f in seen.values() if set(f.hypothesis.active) == kept]
             known += sorted(own, key=lambda f: -score(stage, f))[:1]
         again = [f.hypothesis for f in known if f.hypothesis.active]
-        fits = _best_of_each([*refit(stage, starts + again), *known])
+        fits = best_of_each([*refit(stage, starts + again), *known])
         best = max(fits, key=lambda f: score(stage, f))
         gone = next(iter(set(now.hypothesis.active) - set(best.hypothesis.active)))
         told_by_poles = stage.slots[gone].cause == "transport_delay"
@@ -405,7 +332,7 @@ def _findings(
             if kept < set(f.hypothesis.active) and len(f.hypothesis.active) == len(kept) + 1
             if number not in f.hypothesis.active
             # the cause itself, not a larger plant that imitates the one it stands for
-            if (bare := seen.get((*_order(f.hypothesis), frozenset(kept)))) is not None
+            if (bare := seen.get((*order_of(f.hypothesis), frozenset(kept)))) is not None
             and score(stage, f) > score(stage, bare)
         ]
         best: dict[int, Refit] = {}
@@ -430,7 +357,7 @@ def _afresh(stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]) -
     starts = [*bent(stage, grid[1, 0]), *waiting(stage, plain, grid), *ringing(stage, plain)]
     starts += [*shifted(stage, plain, grid), *(h for at in plants for h in scanned(stage, at))]
     fits = refit(stage, starts)
-    return _best_of_each([*fits, *refit(stage, mirrored(stage, fits))])
+    return best_of_each([*fits, *refit(stage, mirrored(stage, fits))])
 
 
 def _rings(stage: Stage, f: Refit, plain: Refit, seen: Mapping[tuple, Refit]) -> bool:
@@ -442,9 +369,9 @@ def _rings(stage: Stage, f: Refit, plain: Refit, seen: Mapping[tuple, Refit]) ->
         return False
     (slot,) = named
     damping = h.theta[slot.index[slot.names.index("damping")]]
-    bare = seen.get((*_order(h), frozenset(others)))
+    bare = seen.get((*order_of(h), frozenset(others)))
     if bare is None or score(stage, bare) > score(stage, f):
         return False
-    smaller = sum(_order(h)) < sum(_order(plain.hypothesis))
+    smaller = sum(order_of(h)) < sum(order_of(plain.hypothesis))
     worth, lacks = (score(stage, plain) - score(stage, other) for other in (bare, f))
-    return smaller and damping < _LIGHT and lacks < max(_TOLD, _LITTLE * worth)
+    return smaller and damping < _LIGHT and lacks < max(_NAME, _LITTLE * worth)

@@ -133,7 +133,7 @@ def waiting(
 
 
 def ringing(stage: Stage, plain: Refit) -> list[Hypothesis]:
-    """The plain plant with its lightly damped poles, and the zeros nearest to them, told as a
+    """The plain plant with its lightly damped poles, and the zeros that came with them, told as a
     resonance."""
     h = plain.hypothesis
     poles, zeros, level = np.roots(h.den), np.roots(h.num), h.num[-1] / h.den[-1]
@@ -143,18 +143,18 @@ def ringing(stage: Stage, plain: Refit) -> list[Hypothesis]:
         kept = poles[(np.abs(poles - p) > 1e-9) & (np.abs(poles - np.conj(p)) > 1e-9)]
         if not kept.size:
             continue
-        far = np.argsort(-np.minimum(np.abs(zeros - p), np.abs(zeros - np.conj(p))))
-        led = zeros[far[: max(min(zeros.size - 2, kept.size - 1), 0)]]
-        den, num = (np.atleast_1d(np.real(np.poly(roots))) for roots in (kept, led))
-        if num[-1] == 0.0:
-            continue
-        start = plant(h, stage, den, num * level * den[-1] / num[-1])
-        for share in (0.3, -0.2):
-            theta = start.theta.copy()
-            theta[list(stage.slots[number].index)] = (
-                abs(p) * stage.pace / (2.0 * np.pi), max(-p.real / abs(p), 0.01), share,
-            )  # fmt: skip
-            made.append(Hypothesis(start.poles, start.zeros, (number,), theta))
+        den, own = np.real(np.poly(kept)), zeros[np.abs(zeros.imag) < 1e-9].real
+        for led in ((), own[: kept.size - 1]) if own.size else ((),):
+            num = np.atleast_1d(np.poly(led)) if len(led) else np.ones(1)
+            if num[-1] == 0.0:
+                continue
+            start = plant(h, stage, den, num * level * den[-1] / num[-1])
+            for share in (0.3, 0.8, -0.2):
+                theta = start.theta.copy()
+                theta[list(stage.slots[number].index)] = (
+                    abs(p) * stage.pace / (2.0 * np.pi), max(-p.real / abs(p), 0.01), share,
+                )  # fmt: skip
+                made.append(Hypothesis(start.poles, start.zeros, (number,), theta))
     return made
 
 

@@ -25,22 +25,38 @@ def columns(stage: Stage, frequency: float) -> Float[np.ndarray, "2 N"]:
 
 
 def peaks(
-    stage: Stage, e: Float[np.ndarray, "R N"], white: Float[np.ndarray, "R N"]
+    stage: Stage,
+    theta: Float[np.ndarray, " P"],
+    active: Sequence[int],
+    e: Float[np.ndarray, "R N"],
+    white: Float[np.ndarray, "R N"],
 ) -> list[tuple[float, Float[np.ndarray, "R 2"]]]:
     """Frequencies, Hz, with each run's sine and cosine, that stand out in a residual or in its
-    innovations: a colour that is estimated may take a strong line for noise that it predicts."""
+    innovations: a colour that is estimated may take a strong line for noise that it predicts. Not
+    those of a mode of the model, which swings by itself in a run that begins in motion."""
     size = 1 << (4 * e.shape[1]).bit_length()
     lines = np.fft.rfftfreq(size, stage.dt)
     found: dict[int, tuple[float, np.ndarray]] = {}
     for x in (white, e):
         power = np.sum(np.abs(np.fft.rfft(x, size)) ** 2, axis=0)
         power[lines < 1.5 / stage.scales.duration] = 0.0
+        for frequency, damping in _modes(stage, theta, active):
+            width = max(2.0 * damping * frequency, 2.0 / stage.scales.duration)
+            power[np.abs(lines - frequency) < width] = 0.0
         for _ in range(_PEAKS):
             k = int(np.argmax(power))
             power[max(0, k - _NEAR) : k + _NEAR + 1] = 0.0
             if all(abs(k - other) > _NEAR for other in found):
                 found[k] = (float(lines[k]), shares(stage, e, float(lines[k])))
     return list(found.values())
+
+
+def _modes(
+    stage: Stage, theta: Float[np.ndarray, " P"], active: Sequence[int]
+) -> list[tuple[float, float]]:
+    """Frequency, Hz, and damping of the resonances that are on."""
+    own = [stage.slots[k] for k in active if stage.slots[k].cause == "resonance"]
+    return [tuple(theta[list(slot.index[:2])]) for slot in own]
 
 
 def shares(stage: Stage, e: Float[np.ndarray, "R N"], frequency: float) -> Float[np.ndarray, "R 2"]:

@@ -33,6 +33,7 @@ _SERIOUS, _MOSTLY = 0.05, 0.3  # share of structure in a residual that is spoken
 _SETTLED = 0.75  # share of a channel's error from which on findings have explained it
 _ELSEWHERE = 0.08  # slow error, of a response's spread, that weighs beside findings elsewhere
 _COARSE = 0.1  # share of a rounding in what a model leaves, from which it is a finding
+_SAME_STEP = 0.1  # by which the step of a plant's rounding may differ from that of its sensor
 
 _TWINS = {"powertrain": "v", "steering": "delta"}
 _SENSED = {"transport_delay": "sensor_delay", "offset": "sensor_bias"}
@@ -53,18 +54,21 @@ class Evidence:
         road = self._road()
         trials = [(cause, self._trial(cause)) for cause in self._causes()]
         left = leftover(self.runs, self.searches, self.bodily)
-        puzzling = {u.channel for u in left if u.puzzling}
+        puzzles = {u.channel: 0.0 for u in left}
+        for u in left:
+            puzzles[u.channel] = max(puzzles[u.channel], u.fraction if u.puzzling else 0.0)
         scores = {c: self._scores(c) for c in ("baseline", "extended")}
         weighing = Weighing(self.searches, self.runs, scores["baseline"], scores["extended"])
+        rounded = self._quantised(scores["extended"])
         sure, findings, minor = [], [], []
         for cause, trial in trials:
-            if trial.worth <= 0.0:
+            if trial.worth <= 0.0 or _rounds_too(cause, trial, rounded):
                 continue
             sure.append(cause)
             found = self._finding(cause, trial, road)
-            small = weighing.minor(cause, trial, found, trial.gain.channel in puzzling)
+            small = weighing.minor(cause, trial, found, puzzles.get(trial.gain.channel, 0.0))
             (minor if small else findings).append(found)
-        for found in self._quantised(scores["extended"]):
+        for found in rounded:
             (findings if found.share >= _COARSE else minor).append(found)
         findings.sort(key=lambda f: -f.share)
         beside = [f for f in findings if overshadowed(f, findings)]
@@ -355,6 +359,19 @@ def _in_place(found: Search, less: Refit, number: int) -> Refit:
     """The model with another cause in the place of one."""
     candidate = next(c for c in screen(found.stage, less) if c.number == number)
     return refit(found.stage, [joined(less.hypothesis, candidate)])[0]
+
+
+def _rounds_too(cause: Named, trial: Trial, rounded: Sequence[Finding]) -> bool:
+    """Whether a quantization in the plant is that of its sensor, told once more, or an offset is
+    within half a step of it."""
+    own = {cause.channel, trial.gain.channel}
+    steps = [f.parameters["step"].value for f in rounded if f.channel in own]
+    if cause.cause == "quantization":
+        step = cause.parameters["step"].value
+        return any(abs(step - own) < _SAME_STEP * own for own in steps)
+    if cause.cause in ("offset", "sensor_bias"):
+        return any(abs(cause.parameters["bias"].value) < 0.5 * own for own in steps)
+    return False
 
 
 def _chi_squared(statistic: float, freedom: int) -> float:

@@ -23,6 +23,7 @@ _MOST, _POINTS = 0.5, 2.0  # of what all others leave, and of FIT: from either o
 _WEAK, _STRONG = 0.05, 0.5  # shares: below the first beside one above the second a cause is minor
 _DOUBTFUL = 0.05  # share of a cause that makes the path no better, below which it is minor
 _CLEAR, _FEW = 2.0, 3  # standard errors, below which a parameter may be nothing; of so many
+_PUZZLE = 0.1  # share of the error without a cause that must puzzle beside it, to doubt its name
 _DAMPED = 0.24  # ratio, from which a mode is rather two poles that the plant lacks
 _LIGHT, _MUCH = 0.15, 0.3  # ratio, and gain over the baseline, that a mode with more damping needs
 
@@ -42,21 +43,21 @@ class Weighing:
     baseline: Mapping[str, ChannelScore]
     extended: Mapping[str, ChannelScore]
 
-    def minor(self, cause: Named, trial: Trial, found: Finding, puzzling: bool) -> bool:
+    def minor(self, cause: Named, trial: Trial, found: Finding, puzzle: float) -> bool:
         """Whether a cause is minor.
 
         Args:
             cause: that is sure.
             trial: what it is worth.
             found: the same as a finding.
-            puzzling: whether much is left in its channel that nothing explains.
+            puzzle: share of what is left in its channel that nothing explains, if that is much.
         """
         share = max(found.share, trial.gain.typical)
         rest = share < _MOST and trial.gain.after - trial.gain.before < _POINTS
         small = share < MINOR or (rest and 0.0 <= self._of_all(cause, trial.gain) < MINOR)
-        small = small or not trial.believed(share, puzzling)
+        small = small or not trial.believed(share, puzzle * (1.0 - share) > _PUZZLE)
         imitated = trial.gain.typical <= 0.0 and self._imitated(cause, trial.gain)
-        vague = share < _STRONG and _vague(found)
+        vague = share < _STRONG and _vague(cause, found)
         return small or imitated or vague or self._negligible(found)
 
     def _told_by(self, cause: Named, gain: Gain) -> bool:
@@ -109,10 +110,21 @@ class Weighing:
         return none or (worse and max(found.share, g.typical) < _DOUBTFUL)
 
 
-def _vague(found: Finding) -> bool:
-    """Whether none of a few parameters is told from nothing, since blocks of the data disagree."""
+def _vague(cause: Named, found: Finding) -> bool:
+    """Whether few parameters are not told from nothing, each by itself and all together, since
+    blocks of the data disagree."""
     told = list(found.parameters.values())
-    return len(told) <= _FEW and all(abs(e.value) < _CLEAR * e.std for e in told)
+    if len(told) > _FEW or any(abs(e.value) >= _CLEAR * e.std for e in told):
+        return False
+    if cause.search is None or cause.finding is None or len(told) == 1:
+        return True
+    stage, fit = cause.search.stage, cause.search.final
+    free = fit.hypothesis.free(stage).tolist()
+    index = [i for i in stage.slots[cause.finding.number].index if i in free]
+    at = [free.index(i) for i in index]
+    away = (fit.hypothesis.theta - stage.off)[index]
+    together = away @ np.linalg.pinv(fit.covariance[np.ix_(at, at)], hermitian=True) @ away
+    return bool(together < _CLEAR**2 * len(told))
 
 
 def overshadowed(found: Finding, findings: Sequence[Finding]) -> bool:

@@ -85,7 +85,7 @@ class Scales(eqx.Module):
     Attributes:
         command: range of the command, its unit; `low` and `high` are its 2 and 98 % quantiles.
         response: range of the response; `y_low` and `y_high` likewise.
-        rate: 95 % quantile of the modelled response's rate, unit/s.
+        rate: typical rate of the modelled response where it moves, unit/s.
         speed: mean speed, m/s; 0 where there is none.
         distance: length of the longest run, m.
         duration: length of a run, s.

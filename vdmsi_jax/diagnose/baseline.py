@@ -1,0 +1,84 @@
+"""The plain plant at every order, and what a larger one would be."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from .price import score
+from .refit import Hypothesis, Refit, refit, responses
+from .stage import POLES, Stage
+from .starts import first_order, nested
+
+ORDERS = ((1, 0), (2, 0), (2, 1), (3, 0), (3, 1), (3, 2), (4, 0), (4, 1), (4, 2), (4, 3))
+"""Orders that a baseline may have. The plant comes first: a missing pole must not be called a
+delay."""
+
+
+def baselines(stage: Stage) -> dict[tuple[int, int], Refit]:
+    """The plain plant at every order, each from its neighbours with less."""
+    first = refit(stage, first_order(stage))
+    grid = {(1, 0): max(first, key=lambda f: f.loglik)}
+    for poles in range(2, POLES + 1):
+        wanted = [order for order in ORDERS if order[0] == poles]
+        starts = []
+        for order in wanted:
+            simpler = [f.hypothesis for key, f in grid.items() if key[0] == poles - 1]
+            starts += [h for less in simpler for h in nested(stage, less) if order_of(h) == order]
+        fits = best_of_each(refit(stage, closest(stage, starts)))
+        grid |= {order_of(f.hypothesis): f for f in fits}
+        for order in wanted:  # a zero more, from the same number of poles
+            if (poles, order[1] - 1) in grid:
+                below = grid[poles, order[1] - 1].hypothesis
+                more = [h for h in nested(stage, below) if order_of(h) == order]
+                known = [grid[order]] if order in grid else []
+                again = best_of_each([*refit(stage, closest(stage, more)), *known])
+                grid |= {order_of(f.hypothesis): f for f in again}
+        best = max(grid.values(), key=lambda f: score(stage, f))
+        if best.hypothesis.poles < poles:
+            break
+    return grid
+
+
+def grown(stage: Stage, fit: Refit) -> list[Refit]:
+    """The same with more poles and zeros, for as long as they are worth their price."""
+    found = []
+    while True:
+        starts = closest(stage, list(nested(stage, fit.hypothesis)), 1)
+        better = max(refit(stage, starts), key=lambda f: score(stage, f), default=fit)
+        if score(stage, better) <= score(stage, fit):
+            return found
+        found.append(better)
+        fit = better
+
+
+def closest(stage: Stage, starts: Sequence[Hypothesis], kept: int = 2) -> list[Hypothesis]:
+    """The starts of each order whose responses come closest as they stand, gain left open."""
+    if len(starts) <= kept:
+        return list(starts)
+    y = responses(stage, starts)[:, stage.mask]
+    seen = stage.y[stage.mask]
+    errors = np.sum((y - seen) ** 2, axis=1)
+    picked: dict[tuple, list[int]] = {}
+    for k in np.argsort(np.where(np.isfinite(errors), errors, np.inf)):
+        own = picked.setdefault(key_of(starts[k]), [])
+        if len(own) < kept:
+            own.append(int(k))
+    return [starts[k] for own in picked.values() for k in own]
+
+
+def best_of_each(fits: Sequence[Refit]) -> list[Refit]:
+    best: dict[tuple, Refit] = {}
+    for f in fits:
+        key = key_of(f.hypothesis)
+        if math.isfinite(f.loglik) and (key not in best or f.loglik > best[key].loglik):
+            best[key] = f
+    return list(best.values())
+
+
+def order_of(h: Hypothesis) -> tuple[int, int]:
+    return h.poles, h.zeros
+
+
+def key_of(h: Hypothesis) -> tuple:
+    return h.poles, h.zeros, frozenset(h.active)
