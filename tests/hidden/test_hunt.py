@@ -11,7 +11,8 @@ from hidden.hunt_case import answer, hidden, made, records
 from hidden.hunt_plan import task
 
 NEAR = 0.15  # of the true parameters
-GAIN = 0.95  # of the attainable gain in FIT on the run that is held out
+GAIN = 0.95  # of the attainable gain in FIT on the run that is held out; of stick-slip behind a
+STICKING = 0.9  # controller, whose breakaway is not the library's, less
 
 HIDDEN = {
     "powertrain": task((("dead_zone", "powertrain"),), "cause", seed=11),
@@ -76,7 +77,8 @@ def test_a_hidden_cause_is_named_sized_and_worth_what_it_costs(line, which):
     assert all(error < NEAR for _, error, _ in errors), errors
     if which != "rare":  # whose first run judges, while the attainable is that of the last
         share = score.share_of_attainable(told)
-        assert share is not None and share > GAIN, f"{share}; {said}"
+        least = STICKING if which == "integral" else GAIN
+        assert share is not None and share > least, f"{share}; {said}"
     assert all(f["held_out"] for f in told["findings"])
 
 
