@@ -75,7 +75,12 @@ class Evidence:
         findings = [f for f in findings if f not in beside]
         minor = sorted([*minor, *beside], key=lambda f: -f.share)
         budget = self._budget(sure, road)
-        serious = [u for u in left if u.fraction > _SERIOUS]
+        rounds = {f.channel: f.share for f in rounded}  # as much as a rounding may differ by itself
+        serious = [
+            u
+            for u in left
+            if u.fraction > _SERIOUS and (u.puzzling or u.fraction > rounds.get(u.channel, 0.0))
+        ]
         touched = {f.gain.channel for f in findings}
         open_ = [
             u
