@@ -12,7 +12,8 @@ import pytest
 
 from effects.worlds import ON_A_PLANT, REGISTRY, WORLDS, benches, label
 from vdmsi_jax.effects import AbstractEffect, Effort
-from vdmsi_jax.models.extended_plant import observer, respond, slowness_of
+from vdmsi_jax.models.extended_plant import respond
+from vdmsi_jax.models.observer_form import observer, slowness_of
 
 ALONG = ("command", "held", "output", "measured", "sensor")  # signal and what is beside it
 BODY = ("speed", "angle", "course", "curvature", "relaxed")

@@ -15,7 +15,8 @@ import numpy as np
 
 from vdmsi_jax.effects import ACTUATOR, SENSOR, VEHICLE, AbstractEffect, Scales, Signals
 from vdmsi_jax.models.bicycle import Bicycle
-from vdmsi_jax.models.extended_plant import observer, respond, slowness_of
+from vdmsi_jax.models.extended_plant import respond
+from vdmsi_jax.models.observer_form import observer, slowness_of
 from vdmsi_jax.parameters import Parameter, parameters
 
 REGISTRY = ACTUATOR + VEHICLE + SENSOR

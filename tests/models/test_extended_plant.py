@@ -16,13 +16,8 @@ from vdmsi_jax.effects.saturation import Saturation
 from vdmsi_jax.effects.sensor import SensorBias
 from vdmsi_jax.effects.speed_dependent_gain import SpeedDependentGain
 from vdmsi_jax.effects.transport_delay import TransportDelay
-from vdmsi_jax.models.extended_plant import (
-    ExtendedPlant,
-    observer,
-    respond,
-    slowness_of,
-    surroundings,
-)
+from vdmsi_jax.models.extended_plant import ExtendedPlant, respond, surroundings
+from vdmsi_jax.models.observer_form import observer, slowness_of
 from vdmsi_jax.models.transfer_function import TransferFunction
 
 DT, ROWS, STEPS = 0.01, 1200, 4

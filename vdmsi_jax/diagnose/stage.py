@@ -16,7 +16,8 @@ import numpy as np
 from jaxtyping import ArrayLike, Bool, Float
 
 from ..effects import AbstractEffect, Scales, Signals
-from ..models.extended_plant import acts, observer, respond, slowness_of, steps_of
+from ..models.extended_plant import acts, respond
+from ..models.observer_form import observer, slowness_of, steps_of
 from ..models.state_space import StateSpace
 from ..parameters import Parameter, parameters
 

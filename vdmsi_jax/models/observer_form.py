@@ -1,0 +1,79 @@
+"""Plants of every order in one form and one batch, and how a force inside one acts."""
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Float, Int
+
+from vdmsi_jax.models.state_space import StateSpace
+
+
+def observer(
+    a: Float[Array, " n"], b: Float[Array, " n"], pace: Float[Array, ""]
+) -> tuple[StateSpace, Float[Array, " n"]]:
+    """The observer form of `(b1 q^(n-1) + ... + bn) / (q^n + a1 q^(n-1) + ... + an)` with
+    `q = s / pace`, and its state at rest per unit of command.
+
+    Trailing zeros in both make a plant of lower order: their states stay exactly zero, so plants of
+    every order are one batch.
+    """
+    n = a.shape[0]
+    A = (jnp.eye(n, k=1).at[:, 0].add(-a)) * pace
+    system = StateSpace(A, b * pace, jnp.eye(n)[0], jnp.zeros(()))
+    order = _last(a)
+    level = b[order] / jnp.where(a[order] == 0.0, 1.0, a[order])
+    others = jnp.where(jnp.arange(n - 1) < order, a[:-1] * level - b[:-1], 0.0)
+    return system, jnp.concatenate([level[None], others])
+
+
+def slowness_of(
+    a: Float[Array, " n"],
+    b: Float[Array, " n"],
+    pace: Float[Array, ""],
+    leads: Float[Array, "2"],
+) -> Float[Array, ""]:
+    """Seconds of command that a unit of acceleration is worth (see `Effort`), of the plant that
+    `observer` takes. Where the lead of a force is beyond the plant's time constants, the controller
+    makes up for it, and what counts is how fast the response gives way before."""
+    order = _last(a)
+    before = jnp.where(order > 0, a[order - 1], 1.0)
+    push = jnp.where(b[order] == 0.0, 1.0, b[order])
+    plain = before / (pace * push)
+    if a.shape[0] < 2:
+        return plain
+    force = led(b, leads)
+    gives = jnp.maximum(abs(force[0]), abs(force[1]) / jnp.maximum(abs(a[0]), 1e-9))
+    beyond = (0.5 * leads[0] * a[order] / jnp.where(before == 0.0, 1.0, before)) ** 4
+    share = beyond / (1.0 + beyond)
+    ratio = abs(push) / jnp.maximum(gives * abs(before), 1e-12)
+    return plain * jnp.where(beyond > 0.0, ratio, 1.0) ** share
+
+
+def steps_of(
+    system: StateSpace, leads: Float[Array, "2"], h: Float[Array, ""]
+) -> tuple[Float[Array, "2 n n"], Float[Array, "2 n"]]:
+    """A system's steps over `h` seconds: for a command, and for a force that leads it."""
+    inputs = jnp.stack([system.B, led(system.B, leads)])
+    step = jax.vmap(lambda B: StateSpace(system.A, B, system.C, system.D).discretise(h))
+    return step(inputs)
+
+
+def led(B: Float[Array, " n"], leads: Float[Array, "2"]) -> Float[Array, " n"]:
+    """Input vector of a force that enters behind a part of the dynamics: in observer form, the
+    numerator and `leads[0] q + leads[1] q^2` of what it is at rest. `q` is the form's own unit."""
+    at_rest = jnp.where(jnp.arange(B.shape[0]) == _last(B), B, 0.0)
+    once = jnp.append(at_rest[1:], 0.0)
+    return B + leads[0] * once + leads[1] * jnp.append(once[1:], 0.0)
+
+
+def ahead_of(system: StateSpace, leads: Float[Array, "2"]) -> Float[Array, " n"]:
+    """By what the state at rest under a command is beyond that under a force that leads it."""
+    if system.B.shape[0] < 2:
+        return jnp.zeros_like(system.B)
+    ahead = (led(system.B, leads) - system.B) / system.A[0, 1]
+    return jnp.append(0.0, ahead[:-1])
+
+
+def _last(a: Float[Array, " n"]) -> Int[Array, ""]:
+    """Where the last coefficient stands that is not zero."""
+    return a.shape[0] - 1 - jnp.argmax((lax.stop_gradient(a) != 0.0)[::-1])
