@@ -19,7 +19,16 @@ FIGURES = {
     "channels": lambda grid, comparison: plots.channels(comparison),
     "paths": lambda grid, comparison: plots.paths(comparison),
     "translation_error": lambda grid, comparison: plots.translation_error(comparison),
+    "order_sweep": lambda grid, comparison: plots.order_sweep(*swept(grid)),
 }
+TABLES = ("order_grid", "order_sweep")  # whose axes count orders, not quantities
+
+
+def swept(grid):
+    """Two rows of a sweep: all orders, and few of them."""
+    fits = {order: fit.fit for order, fit in grid.fits.items()}
+    few = {order: fits[order] - 5.0 for order in ("P1Z0", "P2Z1")}
+    return {"a.csv steering": fits, "b.csv steering": few}, {"a.csv steering": grid.chosen}
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +83,7 @@ def test_a_figure_labels_its_axes_and_changes_no_setting(name, results):
         shared = axes.get_shared_x_axes().get_siblings(axes)
         assert any(sibling.get_xlabel() for sibling in shared)
     labels = [a.get_xlabel() for a in figure.axes] + [a.get_ylabel() for a in figure.axes]
-    if name != "order_grid":
+    if name not in TABLES:
         assert any("(" in label for label in labels), "no unit on any axis"
 
 
@@ -97,6 +106,16 @@ def test_the_grid_shows_every_order_with_its_number_or_reason(results):
         assert sum(text.get_text() == "improper" for text in axes.texts) == 10
     said = {text.get_text() for text in left.texts}
     assert {f"{fit.fit:.2f}" for fit in grid.fits.values() if fit.ok} <= said
+
+
+def test_a_sweep_shows_what_each_order_reaches(results):
+    rows, chosen = swept(results[0])
+    (axes,) = plots.order_sweep(rows, chosen).axes
+    said = [text.get_text() for text in axes.texts]
+    fitted = [fit for fit in rows["a.csv steering"].values() if np.isfinite(fit)]
+    assert said.count("–") == len(fitted) - 2, "what was not fitted is told"
+    assert {f"{fit:.1f}" for fit in fitted} <= set(said)
+    assert [tick.get_text() for tick in axes.get_yticklabels()] == list(rows)
 
 
 def test_a_grid_without_any_model_is_still_drawn(results):

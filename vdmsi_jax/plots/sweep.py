@@ -48,6 +48,7 @@ def order_sweep(rows: Mapping[str, Mapping[str, float]], chosen: Mapping[str, st
     axes.set_xlim(-0.5, len(orders) - 0.5)
     axes.set_ylim(len(rows) - 0.5, -0.5)
     axes.set_title("FIT (%)")
+    axes.set_xlabel("order")
     axes.grid(False)
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
