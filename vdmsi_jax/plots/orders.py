@@ -94,9 +94,9 @@ def _heat_map(axes: Axes, grid: OrderGrid, what: str, norm: Normalize, colours: 
             )
             continue
         value, low = getattr(fit, what), not fit.fit >= LOW_FIT
-        face = "#fbe9dd" if low else map_(norm(value))
+        shade = map_(norm(value))
+        face, ink = ("#fbe9dd", INK) if low else (shade, legible(shade))
         axes.add_patch(Rectangle(cell, 0.94, 0.92, facecolor=face, edgecolor="none"))
-        ink = INK if low else legible(face)
         axes.text(
             x, y, text(value), ha="center", va="center", fontsize=8, color=ink,
             alpha=0.75 if low else 1.0, fontweight="bold" if order == grid.chosen else "normal",
