@@ -68,6 +68,7 @@ def closest(stage: Stage, starts: Sequence[Hypothesis], kept: int = 2) -> list[H
 
 
 def best_of_each(fits: Sequence[Refit]) -> list[Refit]:
+    """The best fit of each order with each set of causes; those that failed are left out."""
     best: dict[tuple, Refit] = {}
     for f in fits:
         key = key_of(f.hypothesis)
@@ -77,8 +78,10 @@ def best_of_each(fits: Sequence[Refit]) -> list[Refit]:
 
 
 def order_of(h: Hypothesis) -> tuple[int, int]:
+    """Numbers of poles and zeros."""
     return h.poles, h.zeros
 
 
 def key_of(h: Hypothesis) -> tuple:
+    """What two hypotheses of one kind share: poles, zeros, and the causes that are on."""
     return h.poles, h.zeros, frozenset(h.active)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..models.observer_form import made_up_for
 from . import swing
 from .body import CAUSES
 from .body_fit import BodyFit
@@ -202,14 +203,13 @@ def _felt(fit: Refit, free: Sequence[int], at: int) -> tuple[float, float]:
 
 def _push(h: Hypothesis) -> float:
     """By what a force pushes harder than the same command where a controller makes up for what
-    lasts: at the frequency of the two slowest poles. One where none does (see `slowness_of`)."""
+    lasts: at the frequency of the two slowest poles. One where none does."""
     lead, more = h.theta[list(LEADS)]
     if h.poles < 2 or lead == 0.0:
         return 1.0
-    beyond = (0.5 * lead * h.den[-1] / h.den[-2]) ** 4
     s = 1j * np.sqrt(np.prod(np.sort(np.abs(np.roots(h.den)))[:2]))
     pushes = abs(1.0 + h.num[-1] * (lead * s + more * s * s) / np.polyval(h.num, s))
-    return float(1.0 + (pushes - 1.0) * beyond / (1.0 + beyond))
+    return float(1.0 + (pushes - 1.0) * made_up_for(lead * h.den[-1] / h.den[-2]))
 
 
 def _swinging(

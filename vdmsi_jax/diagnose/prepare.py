@@ -253,8 +253,9 @@ def make_stage(name, u, y, mask, held_out, shared, allowed, wheres, dt) -> Stage
 def _typical(rates: np.ndarray) -> float:
     """The rate that moves have: their 95 % quantile, or where most of the time nothing moves, the
     one below which half of their energy lies."""
-    energy = np.cumsum(np.sort(rates) ** 2)
-    half = np.sort(rates)[np.searchsorted(energy, 0.5 * energy[-1])]
+    sizes = np.sort(rates)
+    energy = np.cumsum(sizes**2)
+    half = sizes[np.searchsorted(energy, 0.5 * energy[-1])]
     return float(max(np.quantile(rates, 0.95), half))
 
 

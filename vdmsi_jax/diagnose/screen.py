@@ -60,10 +60,9 @@ def screen(stage: Stage, at: Refit, fine: bool = True) -> list[Candidate]:
             white = whiten(e[None], at.colour[None])[0] * usable(stage)
             lines = swing.peaks(stage, at.hypothesis.theta, at.hypothesis.active, e, white)
             options = [((f, 0.0, 0.0), own) for f, own in lines]
-        known = tuple(at.hypothesis.theta[list(LEADS)])
-        for (probe, own), leads in product(
-            options, _leads(at.hypothesis) if slot.forces else (known,)
-        ):
+        known = (tuple(at.hypothesis.theta[list(LEADS)]),)
+        pairs = _leads(at.hypothesis) if slot.forces else known
+        for (probe, own), leads in product(options, pairs):
             theta = at.hypothesis.theta.copy()
             theta[list(slot.index)], theta[list(LEADS)] = probe, leads
             active = (*at.hypothesis.active, number)
@@ -101,8 +100,8 @@ def _leads(h: Hypothesis) -> tuple[tuple[float, float], ...]:
     fast = float(np.sum(np.real(-1.0 / poles[np.argsort(np.abs(poles))][2:])))
     fast = min(max(fast, 0.0), MOST_LEAD)
     washed = min(max(4.0 * h.den[-2] / h.den[-1], 0.0), MOST_LEAD)
-    tried = [(0.0, 0.0), (washed, min(washed * fast, MOST_LEAD))]
-    return tuple(tried) if h.poles < 3 else (*tried, (fast, 0.0))
+    tried = ((0.0, 0.0), (washed, min(washed * fast, MOST_LEAD)))
+    return tried if h.poles < 3 else (*tried, (fast, 0.0))
 
 
 def _finer(stage: Stage, ground: "_Ground", found: Candidate) -> Candidate:

@@ -68,8 +68,10 @@ def _number(stage: Stage, cause: str) -> int:
     return next(i for i, slot in enumerate(stage.slots) if slot.cause == cause)
 
 
-def _added(stage: Stage, h: Hypothesis, number: int, value: float) -> Hypothesis:
-    """The same with one cause more, its parameters at a value."""
+def _added(
+    stage: Stage, h: Hypothesis, number: int, value: float | tuple[float, ...]
+) -> Hypothesis:
+    """The same with one cause more, its parameters at a value, or each at its own."""
     theta = h.theta.copy()
     theta[list(stage.slots[number].index)] = value
     return replace(h, active=tuple(sorted({*h.active, number})), theta=theta)
@@ -144,17 +146,13 @@ def ringing(stage: Stage, plain: Refit) -> list[Hypothesis]:
         if not kept.size:
             continue
         den, own = np.real(np.poly(kept)), zeros[np.abs(zeros.imag) < 1e-9].real
-        for led in ((), own[: kept.size - 1]) if own.size else ((),):
-            num = np.atleast_1d(np.poly(led)) if len(led) else np.ones(1)
+        mode = abs(p) * stage.pace / (2.0 * np.pi), max(-p.real / abs(p), 0.01)
+        for led in {0, min(own.size, kept.size - 1)}:
+            num = np.atleast_1d(np.poly(own[:led]))
             if num[-1] == 0.0:
                 continue
             start = plant(h, stage, den, num * level * den[-1] / num[-1])
-            for share in (0.3, 0.8, -0.2):
-                theta = start.theta.copy()
-                theta[list(stage.slots[number].index)] = (
-                    abs(p) * stage.pace / (2.0 * np.pi), max(-p.real / abs(p), 0.01), share,
-                )  # fmt: skip
-                made.append(Hypothesis(start.poles, start.zeros, (number,), theta))
+            made += [_added(stage, start, number, (*mode, share)) for share in (0.3, 0.8, -0.2)]
     return made
 
 

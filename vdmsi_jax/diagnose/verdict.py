@@ -54,9 +54,10 @@ class Evidence:
         road = self._road()
         trials = [(cause, self._trial(cause)) for cause in self._causes()]
         left = leftover(self.runs, self.searches, self.bodily)
-        puzzles = {u.channel: 0.0 for u in left}
+        puzzles: dict[str, float] = {}
         for u in left:
-            puzzles[u.channel] = max(puzzles[u.channel], u.fraction if u.puzzling else 0.0)
+            if u.puzzling:
+                puzzles[u.channel] = max(puzzles.get(u.channel, 0.0), u.fraction)
         scores = {c: self._scores(c) for c in ("baseline", "extended")}
         weighing = Weighing(self.searches, self.runs, scores["baseline"], scores["extended"])
         rounded = self._quantised(scores["extended"])
@@ -369,13 +370,13 @@ def _in_place(found: Search, less: Refit, number: int) -> Refit:
 def _rounds_too(cause: Named, trial: Trial, rounded: Sequence[Finding]) -> bool:
     """Whether a quantization in the plant is that of its sensor, told once more, or an offset is
     within half a step of it."""
-    own = {cause.channel, trial.gain.channel}
-    steps = [f.parameters["step"].value for f in rounded if f.channel in own]
+    channels = {cause.channel, trial.gain.channel}
+    steps = [f.parameters["step"].value for f in rounded if f.channel in channels]
     if cause.cause == "quantization":
-        step = cause.parameters["step"].value
-        return any(abs(step - own) < _SAME_STEP * own for own in steps)
+        own = cause.parameters["step"].value
+        return any(abs(own - step) < _SAME_STEP * step for step in steps)
     if cause.cause in ("offset", "sensor_bias"):
-        return any(abs(cause.parameters["bias"].value) < 0.5 * own for own in steps)
+        return any(abs(cause.parameters["bias"].value) < 0.5 * step for step in steps)
     return False
 
 

@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Sequence
-from functools import partial
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -274,15 +273,12 @@ def _load(
     total = jnp.zeros_like(held)
     for i, effect in enumerate(effects):
         if acts(effect, "load"):
-            push = partial(_pushed, effect, signals)
-            total = push(total) if on is None else lax.cond(on[i], push, lambda x: x, total)
+            act = effect.load
+            if on is None:
+                total = total + act(signals)
+            else:
+                total = lax.cond(on[i], lambda x, act=act: x + act(signals), lambda x: x, total)
     return total
-
-
-def _pushed(
-    effect: AbstractEffect, signals: Signals, total: Float[Array, " M"]
-) -> Float[Array, " M"]:
-    return total + effect.load(signals)
 
 
 def acts(effect: AbstractEffect, port: str) -> bool:
@@ -336,11 +332,11 @@ def _dynamics(
     slope = system.C @ system.A @ Ad
     m = [slope[i] for i in range(n)]
 
-    def step(carry: tuple, now: tuple) -> tuple[tuple, Array]:
+    def step(carry: tuple, now: tuple[Array, Array | None]) -> tuple[tuple, Array]:
         (x, stuck), (u, push) = carry, now
         y = x[0] + system.D * u
         x = tuple(_sum(A[i][j] * x[j] for j in range(n)) + B[i] * u for i in range(n))
-        if load is None:
+        if push is None:
             return (x, stuck), y
         before = carry[0]
         rate = _sum(m[j] * before[j] for j in range(n)) + gain * u - hold * push
@@ -356,8 +352,7 @@ def _dynamics(
         level = rest if x0 is None else jnp.zeros_like(rest)
         first = first - load[0] * (level - ahead_of(system, signals.leads))
     start = tuple(first[i] for i in range(n))
-    pushes = jnp.zeros_like(u) if load is None else load
-    return lax.scan(step, (start, jnp.zeros(())), (u, pushes))[1]
+    return lax.scan(step, (start, jnp.zeros(())), (u, load))[1]
 
 
 def _sum(terms) -> Array:

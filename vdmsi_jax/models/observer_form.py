@@ -43,10 +43,16 @@ def slowness_of(
         return plain
     force = led(b, leads)
     gives = jnp.maximum(abs(force[0]), abs(force[1]) / jnp.maximum(abs(a[0]), 1e-9))
-    beyond = (0.5 * leads[0] * a[order] / jnp.where(before == 0.0, 1.0, before)) ** 4
-    share = beyond / (1.0 + beyond)
+    share = made_up_for(leads[0] * a[order] / jnp.where(before == 0.0, 1.0, before))
     ratio = abs(push) / jnp.maximum(gives * abs(before), 1e-12)
-    return plain * jnp.where(beyond > 0.0, ratio, 1.0) ** share
+    return plain * jnp.where(share > 0.0, ratio, 1.0) ** share
+
+
+def made_up_for(lead: Array | float) -> Array | float:
+    """How far, 0 to 1, a controller makes up for a force that lasts, by the force's lead over the
+    sum of the plant's time constants."""
+    beyond = (0.5 * lead) ** 4
+    return beyond / (1.0 + beyond)
 
 
 def steps_of(

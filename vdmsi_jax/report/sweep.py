@@ -1,7 +1,7 @@
 """The report of `vdmsi sweep`."""
 
 from collections.abc import Mapping, Sequence
-from math import isfinite
+from math import isfinite, nan
 from typing import Any
 
 from .. import plots
@@ -33,17 +33,13 @@ def sweep_page(rows: Sequence[Mapping[str, Any]], cells: Sequence[Mapping[str, A
 
 
 def _picture(done: Sequence[tuple[Mapping[str, Any], Mapping[str, Any]]]) -> Picture:
-    fits = {
-        f"{row['log']} {row['plant']}": {
-            order: float("nan") if fit.get("fit") is None else float(fit["fit"])
-            for order, fit in cell["orders"].items()
-        }
-        for row, cell in done
-    }
-    chosen = {f"{row['log']} {row['plant']}": row["chosen"] for row, _ in done}
+    fits, chosen = {}, {}
+    for row, cell in done:
+        name = f"{row['log']} {row['plant']}"
+        fits[name] = {order: _value(fit.get("fit")) for order, fit in cell["orders"].items()}
+        chosen[name] = row["chosen"]
     orders = sorted({order for row in fits.values() for order in row})
-    none = float("nan")
-    empty = [o for o in orders if not any(isfinite(row.get(o, none)) for row in fits.values())]
+    empty = [o for o in orders if not any(isfinite(row.get(o, nan)) for row in fits.values())]
     caption = "FIT of every order on every log; a dash where it could not be fitted."
     if empty:
         caption += f" Without a model anywhere, mostly as improper: {', '.join(empty)}."
@@ -64,5 +60,5 @@ def _summary(done: Sequence[tuple[Mapping[str, Any], Mapping[str, Any]]]) -> Tab
     return Table(header, rows, caption="The chosen order of each; all numbers are in cells/.")
 
 
-def _value(number: float | None) -> float:
-    return float("nan") if number is None else float(number)
+def _value(found: float | None) -> float:
+    return nan if found is None else float(found)
