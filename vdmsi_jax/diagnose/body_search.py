@@ -29,7 +29,7 @@ _MOST = 7
 _REFITTED = 5  # candidates of a screen that are refitted
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BodyFinding:
     """A cause, what it is worth in twice the log-likelihood, the model without it, what was tried
     in its place with what it lacks, and the linear step by which the screen predicts it."""

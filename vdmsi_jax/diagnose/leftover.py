@@ -7,16 +7,17 @@ import numpy as np
 from ..config import PlantSpec
 from .body import CAUSES
 from .body_fit import residual
-from .body_search import BodySearch
+from .body_search import BodyFinding, BodySearch
 from .colour import whiten
-from .found import Failed, Search
+from .families import Explained, Family, better_than, of_body, of_plant
+from .found import Failed, Finding, Search
 from .judge import Scored
 from .prepare import Runs, derived, steering_angle
 from .result import Unexplained
 from .stage import Stage
-from .unexplained import LARGE, LARGE_HELD_OUT, history, slow_error, structure
+from .unexplained import LARGE, LARGE_HELD_OUT, slow_error, structure
 
-_LOUD = 60.0  # of twice the log-likelihood, from which a cause that fails on other data is told
+_LOUD = 100.0  # of twice the log-likelihood, from which a cause that fails on other data is told
 _SEEN = 0.005  # of the squared error, from which on it is
 _PUZZLING = 0.2  # of it, from which on it casts doubt on what was found beside
 
@@ -31,6 +32,41 @@ def leftover(
     if bodily is not None:
         found += _of_body(runs, bodily)
     return found
+
+
+def stand_ins(
+    runs: Runs, searches: Mapping[PlantSpec, Search], bodily: BodySearch | None
+) -> list[tuple[Finding | BodyFinding, Unexplained]]:
+    """Causes that were found, and that a kind of error without a name tells better."""
+    found = []
+    for spec, own in searches.items():
+        stage, evenly = own.stage, _evenly(runs, spec)
+        for finding in own.findings:
+            less = own.without(finding)
+            e = np.where(stage.mask | stage.held_out, stage.y - less.y, 0.0) * evenly
+            kinds = _kinds(spec, stage, less.y, evenly)
+            cause = stage.slots[finding.number].cause
+            masks = (stage.mask, stage.held_out, stage.dt)
+            better = better_than(cause, finding.gain, e, *kinds, *masks)
+            if better is not None:
+                found.append((finding, _instead(spec.output, cause, better)))
+    if bodily is not None and "r" in bodily.body.measured:
+        body = bodily.body
+        masks = (body.mask["r"], body.held_out["r"])
+        kinds = of_body(body.v, body.delta, runs.time(), masks[0], body.dt)
+        for finding in bodily.findings:
+            cause = CAUSES[finding.number].cause
+            e = residual(body, finding.less, "r", masks[0] | masks[1])
+            better = better_than(cause, finding.gain, e, *kinds, *masks, body.dt)
+            if better is not None:
+                found.append((finding, _instead("r", cause, better)))
+    return found
+
+
+def _instead(channel: str, cause: str, better: Explained) -> Unexplained:
+    words = f"{better.family.words} would explain it better than {cause}"
+    on = better.family.depends_on
+    return Unexplained(channel, better.share, on, (), words, puzzling=better.share > _PUZZLING)
 
 
 def _broken(label: str, channel: str, fraction: float) -> Unexplained:
@@ -50,16 +86,11 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     e = np.where(stage.mask | stage.held_out, stage.y - final.y, 0.0)
     evenly = _evenly(runs, spec)
     white = whiten(e[None], final.colour[None])[0] * evenly
-    rate = np.gradient(final.y, stage.dt, axis=1)
-    regressors = {spec.input: stage.u, spec.output: final.y, f"rate of {spec.output}": rate}
-    regressors["t"] = np.asarray(stage.signals.t)
-    for seconds in (1.0, 8.0):
-        past = history(np.abs(stage.u), seconds, stage.dt)
-        regressors[f"the past {seconds:.0f} s of {spec.input}"] = past
-    if np.any(np.asarray(stage.signals.other)):
-        regressors["the other command"] = np.asarray(stage.signals.other)
+    linear, families = _kinds(spec, stage, final.y, evenly)
     masks = (stage.mask, stage.held_out)
-    found = structure(spec.output, e * evenly, white, *masks, regressors, runs.names, stage.dt)
+    found = structure(
+        spec.output, e * evenly, white, *masks, linear, families, runs.names, stage.dt
+    )
     for use, least in zip(masks, (LARGE, LARGE_HELD_OUT), strict=True):
         slow = slow_error(spec.output, e, white, stage.y, use, stage.dt, least)
         if slow is not None:
@@ -72,6 +103,16 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
         if failed.finding.gain > _LOUD and fraction > _SEEN:
             found.append(_broken(label, spec.output, fraction))
     return found
+
+
+def _kinds(
+    spec: PlantSpec, stage: Stage, y: np.ndarray, evenly: np.ndarray | float
+) -> tuple[np.ndarray, list[Family]]:
+    """Kinds of error of a plant whose model responds with `y`."""
+    other, t = (np.asarray(x) for x in (stage.signals.other, stage.signals.t))
+    names = (spec.input, spec.output)
+    linear, families = of_plant(stage.u, y, other, t, names, stage.mask, stage.dt)
+    return linear * evenly, [f.times(evenly) for f in families]
 
 
 def _evenly(runs: Runs, spec: PlantSpec) -> np.ndarray | float:
@@ -88,12 +129,11 @@ def _of_body(runs: Runs, found: BodySearch) -> list[Unexplained]:
     body, final = found.body, found.final
     if "r" not in body.measured:
         return []
-    regressors = {"v": body.v, "delta": body.delta, "t": runs.time()}
-    regressors["lateral acceleration"] = body.v**2 * body.delta
     masks = (body.mask["r"], body.held_out["r"])
+    linear, families = of_body(body.v, body.delta, runs.time(), masks[0], body.dt)
     e = residual(body, final, "r", masks[0] | masks[1])
     white = whiten(e[None], final.colour["r"][None])[0]
-    left = structure("r", e, white, *masks, regressors, runs.names, body.dt)
+    left = structure("r", e, white, *masks, linear, families, runs.names, body.dt)
     for failed in found.failed:
         if failed.finding.gain > _LOUD and failed.share > _SEEN and not failed.usual:
             cause = CAUSES[failed.finding.number]

@@ -286,6 +286,22 @@ def merged(causes: list[Named]) -> list[Named]:
     return kept
 
 
+def of_yaw_rate(cause: Named, per_angle: float) -> Named:
+    """A fault of the angle's sensor as one of the yaw rate's, which the angle was made of.
+
+    Args:
+        cause: any.
+        per_angle: yaw rate per angle at the usual speed, 1/s.
+    """
+    if (cause.where, cause.channel) != ("sensor", "delta"):
+        return cause
+    told = dict(cause.parameters)
+    if cause.cause == "sensor_bias":
+        value, std = (per_angle * x for x in (told["bias"].value, told["bias"].std))
+        told["bias"] = Estimate(value, std, "rad/s")
+    return replace(cause, channel="r", parameters=told)
+
+
 def _first(causes: Sequence[Named], cause: str, where: str) -> Named | None:
     return next((c for c in causes if (c.cause, c.where) == (cause, where)), None)
 

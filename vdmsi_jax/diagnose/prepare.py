@@ -325,7 +325,7 @@ def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
     smooth = {}
     for name, values, known in (("v", v, runs.seen("v")), ("delta", delta, angle[1])):
         search = searches.get(name)
-        model = moving_mean(values, _SMOOTH, runs.dt) if search is None else _tracked(search)
+        model = moving_mean(values, _SMOOTH, runs.dt) if search is None else search.final.y
         smooth[name] = np.where(known, model, values)
     behind = vehicle.rear_to_reference
     bicycle = Bicycle(vehicle.wheelbase - behind, behind)
@@ -333,13 +333,6 @@ def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
         smooth["v"], smooth["delta"], v - smooth["v"], delta - smooth["delta"],
         measured, mask, held_out, bicycle, runs.dt,
     )  # fmt: skip
-
-
-def _tracked(search: Search) -> np.ndarray:
-    """The response of the fitted plant; on runs that no fit has seen, too."""
-    final = search.final
-    seen = search.stage.mask.any(axis=1, keepdims=True)
-    return np.where(seen, final.y, final.simulated)
 
 
 def _inside(runs: Runs) -> np.ndarray:

@@ -1,5 +1,7 @@
 """What hypotheses must gain to be worth their parameters, and how they compare."""
 
+import math
+
 from .refit import Hypothesis, Refit
 from .stage import Stage
 from .starts import backward, lingers
@@ -15,8 +17,11 @@ PHASE_COST = 4.0  # of what swings, in each further run
 
 
 def price(stage: Stage, h: Hypothesis) -> float:
-    """What a hypothesis must gain in twice the log-likelihood to be worth its parameters."""
+    """What a hypothesis must gain in twice the log-likelihood to be worth its parameters; nothing
+    is worth a response that comes before its command, which refutes the delay."""
     slots = [stage.slots[number] for number in h.active]
+    if any(s.cause == "transport_delay" and h.theta[s.index[0]] < 0.0 for s in slots):
+        return math.inf
     causes = sum(CAUSE_COST + PARAMETER_COST * slot.weight for slot in slots)
     phases = 0 if h.swing is None else len(h.swing) - 1  # beyond the one that is counted
     return _plant_price(stage, h) + PHASE_COST * phases + causes

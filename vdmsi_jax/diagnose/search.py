@@ -1,5 +1,6 @@
 """From a stage to the causes that explain it: baseline, forward selection, elimination, rivals."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
@@ -30,10 +31,13 @@ from .starts import (
 _REFITTED = 10  # candidates of a screen that are refitted
 _SMALLER = 2  # smaller plants that are screened
 _FROM_SMALLER = 4  # candidates of the screens of smaller plants that are refitted
-_SMALL = ((1, 0), (2, 0), (2, 1), (3, 1))
+_SMALL = ((1, 0), (2, 0), (2, 1), (3, 0), (3, 1))
 _MOST_CAUSES = 4
 _STEADY = 1.5  # standard errors over blocks that a second cause must be likelier by
 _APART = 1.7  # standard errors over blocks from which two causes are told apart
+_CLOSE, _FORM, _FAR = 15.0, 0.1, 50.0  # lack, the same as a share of the gain, and lack again, up
+# to which blocks are asked; beyond, it is no matter of form: 61 answers of four exams
+_LOOPS = {"backlash", "coulomb_friction"}
 SWAPS = 3
 SWAPPED = 2.0  # by which another cause must be better to take a place
 _RIVALS = 8  # that are told
@@ -54,14 +58,7 @@ def search(stage: Stage) -> Search:
     grid = baselines(stage)
     plain = max(grid.values(), key=lambda f: score(stage, f))
     now, screened, seen = _climbed(stage, plain, grid)
-    for _ in range(SWAPS):
-        now = _eliminate(stage, now, seen)
-        findings, other = _findings(stage, now, seen)
-        if other is None or score(stage, other) < score(stage, now) + SWAPPED:
-            break
-        now = other
-    else:
-        findings, _ = _findings(stage, now, seen)
+    now, findings = _swapped(stage, now, seen, set())
     failed: list[Failed] = []
     while True:
         found = _whole(whole, stage, plain, grid, now, findings)
@@ -79,7 +76,23 @@ def search(stage: Stage) -> Search:
             failed.append(Failed(found.findings[worst], found.final))
             numbers.add(findings[worst].number)
             now = _instead(stage, findings[worst].less, seen, numbers)
-        findings, _ = _findings(stage, now, seen)
+        now, findings = _swapped(stage, now, seen, numbers)
+
+
+def _swapped(
+    stage: Stage, now: Refit, seen: dict[tuple, Refit], failed: set[int]
+) -> tuple[Refit, tuple[Finding, ...]]:
+    """A model without needless causes, and with others in their place where those explain more and
+    have not failed; and what its causes are worth."""
+    for _ in range(SWAPS):
+        now = _eliminate(stage, now, seen)
+        findings, other = _findings(stage, now, seen)
+        if other is None or failed & set(other.hypothesis.active):
+            return now, findings
+        if score(stage, other) < score(stage, now) + SWAPPED:
+            return now, findings
+        now = other
+    return now, _findings(stage, now, seen)[0]
 
 
 def _first_out(findings: Sequence[Finding], worth: Sequence[float]) -> int:
@@ -185,7 +198,8 @@ def _climbed(
     stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]
 ) -> tuple[Refit, list[Candidate], dict[tuple, Refit]]:
     """The plain plant with one cause after another, for as long as they are worth their price; the
-    screen of the plain one; and all fits on the way."""
+    screen of the plain one; and all fits on the way. Beside zeros in the right half plane a delay
+    is waited for, since they tell it better at first."""
 
     def worth(h: Hypothesis, loglik: float) -> float:
         return 2.0 * loglik - price(stage, h)
@@ -198,14 +212,17 @@ def _climbed(
         screened = screened or candidates
         promising = [c for c in candidates if c.gain > 4.0][:_REFITTED]
         starts = [joined(now.hypothesis, c) for c in promising]
+        patient: list[Hypothesis] = []
         if now is plain:
             starts += _in_smaller(stage, plain, grid)
         else:
-            starts += [h for order in (*_SMALL, (3, 0)) for h in late(stage, now, order)]
+            smaller = [h for order in _SMALL for h in late(stage, now, order)]
+            (patient if backward(now.hypothesis).size else starts).extend(smaller)
             if not rings:  # or the plant would take the mode back
                 starts += closest(stage, list(nested(stage, now.hypothesis)), 1)
         most = max((c.gain for c in promising), default=0.0)
         fits = refit(stage, starts, worth=worth, reach=max(_REACH, 0.5 * most))
+        fits += refit(stage, patient)
         fits = best_of_each([*fits, *refit(stage, mirrored(stage, fits))])
         if now is plain:
             fits += _afresh(stage, plain, grid)
@@ -345,10 +362,18 @@ def _findings(
             (k, lack(stage, final, f)) for k, f in best.items() if stage.slots[k].cause != own.cause
         ]
         rivals = sorted(rivals, key=lambda pair: pair[1])[:_RIVALS]
-        alike = [k for k, _ in rivals if steadiness(stage, best[k], final) < _APART]
+        near = [k for k, lacks in rivals if _near(own.cause, stage.slots[k].cause, lacks, gain)]
+        alike = [k for k in near if steadiness(stage, best[k], final) < _APART]
         found.append(Finding(number, gain, less, tuple(rivals), promised, tuple(alike)))
     best_other = max(tried, key=lambda f: score(stage, f), default=None)
     return tuple(sorted(found, key=lambda f: -f.gain)), best_other
+
+
+def _near(cause: str, other: str, lacks: float, gain: float) -> bool:
+    """Whether a cause lacks so little that the form of another may not be exact enough to part
+    them: of a play and friction, which each make the other's loop, more than of the rest."""
+    most = math.inf if {cause, other} == _LOOPS else _FAR
+    return lacks < min(most, max(_CLOSE, _FORM * gain))
 
 
 def _afresh(stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]) -> list[Refit]:

@@ -17,12 +17,12 @@ from .detectability import detectable
 from .extension import extended_model, plain_model
 from .found import Search
 from .judge import Scored, Trial, confirmed, fit_percent, gain_of
-from .leftover import leftover
+from .leftover import leftover, stand_ins
 from .manoeuvres import separate
-from .naming import Named, merged, of_body, of_stage
+from .naming import Named, merged, of_body, of_stage, of_yaw_rate
 from .prepare import Runs, steering_angle
 from .refit import Refit, refit
-from .result import ChannelScore, Diagnosis, Estimate, Finding, Gain, Response, Rival
+from .result import ChannelScore, Diagnosis, Estimate, Finding, Gain, Response, Rival, Unexplained
 from .road import Road
 from .screen import screen
 from .search import joined
@@ -31,6 +31,7 @@ from .words import sentence, summary
 
 _SERIOUS, _MOSTLY = 0.05, 0.3  # share of structure in a residual that is spoken of, and that weighs
 _SETTLED = 0.75  # share of a channel's error from which on findings have explained it
+_OPEN = 0.12  # share of it that is left and structure, from which on they have not
 _ELSEWHERE = 0.08  # slow error, of a response's spread, that weighs beside findings elsewhere
 _COARSE = 0.1  # share of a rounding in what a model leaves, from which it is a finding
 _SAME_STEP = 0.1  # by which the step of a plant's rounding may differ from that of its sensor
@@ -53,7 +54,9 @@ class Evidence:
         """Confirm on data held out, rank, and look at what is left."""
         road = self._road()
         trials = [(cause, self._trial(cause)) for cause in self._causes()]
-        left = leftover(self.runs, self.searches, self.bodily)
+        models = (self.runs, self.searches, self.bodily)
+        left, outdone = leftover(*models), stand_ins(*models)
+        left += [u for _, u in outdone]
         puzzles: dict[str, float] = {}
         for u in left:
             if u.puzzling:
@@ -67,7 +70,8 @@ class Evidence:
                 continue
             sure.append(cause)
             found = self._finding(cause, trial, road)
-            small = weighing.minor(cause, trial, found, puzzles.get(trial.gain.channel, 0.0))
+            small = weighing.minor(cause, trial, found, _doubt(puzzles, cause, trial))
+            small = small or any(f in (cause.finding, cause.body) for f, _ in outdone)
             (minor if small else findings).append(found)
         for found in rounded:
             (findings if found.share >= _COARSE else minor).append(found)
@@ -87,7 +91,7 @@ class Evidence:
             u
             for u in serious
             if u.fraction > _MOSTLY
-            and weighing.taken(u.channel) < _SETTLED
+            and not _settled(u, weighing.taken(u.channel))
             and (u.channel in touched or u.size > _ELSEWHERE)
         ]
         verdict = "explained" if findings else "no_effect"
@@ -153,7 +157,11 @@ class Evidence:
                 found.append(self._with_twin(spec, cause))
         if self.bodily is not None:
             found += of_body(self.bodily)
-        return merged(found)
+        found, vehicle = merged(found), self.records[0].vehicle
+        if vehicle is None or any("delta" in record for record in self.records):
+            return found
+        per_angle = float(np.median(np.abs(self.runs.channel("v")))) / vehicle.wheelbase
+        return [of_yaw_rate(cause, per_angle) for cause in found]
 
     def _with_twin(self, spec: PlantSpec, cause: Named) -> Named:
         """A cause of an actuator whose sensor may have done the same, if the body lets it."""
@@ -359,6 +367,18 @@ class Evidence:
             return "the third, sixth and ninth tenth of each stretch of the logs"
         judges = [r.name for r, spans in zip(runs.records, runs.judged, strict=True) if spans]
         return "whole logs: " + ", ".join(dict.fromkeys(judges))
+
+
+def _doubt(puzzles: Mapping[str, float], cause: Named, trial: Trial) -> float:
+    """Share of what is left that puzzles where a cause is told; of the body, what puzzles in the
+    responses of the actuators as well, by which it moves."""
+    channels = [trial.gain.channel, *(_TWINS.values() if cause.body is not None else ())]
+    return max(puzzles.get(c, 0.0) for c in channels)
+
+
+def _settled(left: Unexplained, taken: float) -> bool:
+    """Whether findings that took a share of a channel's error have explained it all the same."""
+    return taken > _SETTLED and left.fraction * (1.0 - taken) < _OPEN
 
 
 def _in_place(found: Search, less: Refit, number: int) -> Refit:

@@ -1,0 +1,146 @@
+"""Kinds of error that the library has no name for, made by loops that share nothing with it."""
+
+import numpy as np
+import pytest
+
+from vdmsi_jax.diagnose.families import better_than, explained, of_body, of_plant, plays
+
+DT, N = 0.02, 3000
+T = np.tile(DT * np.arange(N), (3, 1))
+MASK = np.zeros((3, N), bool)
+MASK[:2] = True
+
+
+def steps(rng, lasts=(0.4, 3.0), size=1.0):
+    rows = []
+    for _ in range(3):
+        row: list[float] = []
+        while len(row) < N:
+            row += [rng.uniform(-size, size)] * int(rng.uniform(*lasts) / DT)
+        rows.append(row[:N])
+    return np.array(rows)
+
+
+def lagged(u, lag, gain=1.0):
+    """First-order response; lag and gain may be arrays, or functions of state and rate."""
+    y = np.zeros_like(u)
+    for k in range(1, u.shape[1]):
+        now = y[:, k - 1]
+        tau = lag(now, u[:, k - 1] - now) if callable(lag) else lag
+        g = gain[:, k - 1] if isinstance(gain, np.ndarray) else gain
+        y[:, k] = now + DT / tau * (g * u[:, k - 1] - now)
+    return y
+
+
+def bouc_wen(x, share=0.1, width=0.5):
+    z, out = np.zeros(len(x)), x.copy()
+    for k in range(1, x.shape[1]):
+        move = x[:, k] - x[:, k - 1]
+        z += move * (1.0 - np.abs(z) / width * (0.3 + 0.7 * np.sign(move * z)))
+        out[:, k] = x[:, k] - share * z
+    return out
+
+
+def noise(rng, std=0.01, memory=0.0):
+    e = std * rng.standard_normal((3, N))
+    for k in range(1, N):
+        e[:, k] += memory * e[:, k - 1]
+    return e
+
+
+def hot(u):
+    heat = np.zeros_like(u)
+    for k in range(1, u.shape[1]):
+        heat[:, k] = heat[:, k - 1] + DT / 12.0 * (u[:, k - 1] ** 2 - heat[:, k - 1])
+    return 1.0 - 0.4 * heat
+
+
+def judged(error, u, y, other=0.0):
+    linear, families = of_plant(u, y, other + np.zeros_like(u), T, ("u", "y"), MASK, DT)
+    return explained(error, linear, families, MASK, ~MASK, DT)
+
+
+EFFECTS = {
+    "a hysteresis": lambda u: bouc_wen(lagged(u, 0.2)),
+    "a gain that remembers past effort": lambda u: lagged(u, 0.2, gain=hot(u)),
+    "a time constant that changes with the state": lambda u: lagged(
+        u, lambda y, move: np.where(move > 0.0, 0.15, 0.28)
+    ),
+    "a gain that changes with the state": lambda u: np.sin(1.2 * lagged(u, 0.2)) / 1.2,
+    "a change with time": lambda u: lagged(u, 0.2, gain=1.0 + 0.1 * T / T.max()),
+}
+
+
+@pytest.mark.parametrize("words", EFFECTS)
+@pytest.mark.parametrize("memory", [0.0, 0.9])
+def test_each_kind_is_told_by_its_words(words, memory):
+    rng = np.random.default_rng(3)
+    u = steps(rng)
+    y = lagged(u, 0.2)
+    found = judged(EFFECTS[words](u) - y + noise(rng, memory=memory), u, y)
+    assert found is not None
+    assert found.family.words == words
+    assert found.share > 0.1
+
+
+def test_the_other_command_is_told():
+    rng = np.random.default_rng(5)
+    u, other = steps(rng), steps(rng, size=3.0)
+    y = lagged(u, 0.2)
+    found = judged(0.02 * lagged(other, 0.3) * y + noise(rng), u, y, other)
+    assert found is not None and "other command" in found.family.words
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.6, 0.95])
+def test_noise_is_told_as_nothing(memory):
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        u = steps(rng)
+        assert judged(noise(rng, memory=memory), u, lagged(u, 0.2)) is None
+
+
+def test_what_a_freer_linear_plant_could_do_is_no_news():
+    rng = np.random.default_rng(2)
+    u = steps(rng)
+    y = lagged(u, 0.2)
+    assert judged(lagged(u, 0.21, gain=1.01) - y + noise(rng), u, y) is None
+
+
+def test_an_effect_of_the_fitted_runs_alone_is_not_told():
+    rng = np.random.default_rng(4)
+    u = steps(rng)
+    y = lagged(u, 0.2)
+    error = np.where(MASK, bouc_wen(y) - y, 0.0) + noise(rng)
+    assert judged(error, u, y) is None
+
+
+def test_a_cause_gives_way_to_another_kind_that_explains_more_and_not_to_its_own():
+    rng = np.random.default_rng(6)
+    u = steps(rng)
+    y = lagged(u, 0.2)
+    error = bouc_wen(y) - y + noise(rng)
+    kinds = of_plant(u, y, np.zeros_like(u), T, ("u", "y"), MASK, DT)
+    whole = explained(error, *kinds, MASK, ~MASK, DT)
+    assert whole is not None
+    for cause, gain, gives_way in (
+        ("saturation", 0.3 * whole.statistic, True),
+        ("saturation", whole.statistic, False),
+        ("backlash", 0.3 * whole.statistic, False),
+    ):
+        better = better_than(cause, gain, error, *kinds, MASK, ~MASK, DT)
+        assert (better is not None) == gives_way, cause
+
+
+def test_tyres_whose_grip_runs_out():
+    rng = np.random.default_rng(7)
+    v, delta = 4.0 + steps(rng, (3.0, 6.0), 2.0), lagged(steps(rng, size=0.3), 0.15)
+    turn = v * delta
+    r = 6.0 * np.tanh(turn * v / 6.0) / v
+    linear, families = of_body(v, delta, T, MASK, DT)
+    found = explained(r - turn + noise(rng), linear, families, MASK, ~MASK, DT)
+    assert found is not None and found.family.words == "tyres whose grip runs out"
+
+
+def test_plays_rest_until_a_flank_carries_them():
+    x = np.array([[0.0, 1.0, 0.5, -0.2, -2.0]])
+    np.testing.assert_allclose(plays(x, [0.5])[0], [[0.0, 0.5, 0.5, 0.3, -1.5]])
