@@ -8,7 +8,7 @@ PYTEST := JAX_COMPILATION_CACHE_DIR=$(CURDIR)/.venv/programs \
     JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS=0.3 \
     $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
-.PHONY: help demo paper record test test-slow lint format notebooks bench hunt clean
+.PHONY: help demo paper record test test-slow lint format notebooks bench hunt calibrate clean
 .DEFAULT_GOAL := help
 
 help:  ## list the targets
@@ -54,6 +54,9 @@ bench: .venv/.bench  ## time this project against its peers, in one run
 
 hunt: .venv/.test  ## hide every cause in made-up logs and count what is found; goes on where it stopped
 	$(BIN)/python tests/hidden/hunt.py --out docs/hunt
+
+calibrate: .venv/.test  ## what every cause gains on drives without any, beside its price; goes on likewise
+	$(BIN)/python tests/hidden/calibrate.py --out docs/calibration
 
 clean:  ## remove the environment and what commands wrote
 	rm -rf .venv out

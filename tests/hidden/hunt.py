@@ -51,7 +51,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def hunt(tasks: Sequence[Task], file: Path, seconds: float | None) -> None:
     """Examine the tasks in their order, until time is up."""
-    diagnose = _diagnose()
+    keep_programs()
+    from vdmsi_jax import diagnose
+
     began, version, counted, crashed = time.monotonic(), code_version(), 0, 0
     for ready in _batches(tasks):
         for task, *drives in ready:
@@ -122,7 +124,8 @@ def tell(words: str) -> None:
     print(words, file=sys.stderr, flush=True)
 
 
-def _diagnose():
+def keep_programs() -> None:
+    """Double precision, and compiled programs kept from one process to the next."""
     import jax
 
     jax.config.update("jax_enable_x64", True)
@@ -130,9 +133,6 @@ def _diagnose():
     jax.config.update("jax_compilation_cache_dir", str(cache))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     warnings.filterwarnings("ignore")
-    import vdmsi_jax
-
-    return vdmsi_jax.diagnose
 
 
 def _hours(seconds: float) -> str:
@@ -140,13 +140,15 @@ def _hours(seconds: float) -> str:
     return f"{minutes // 60} h {minutes % 60:02d} min" if minutes >= 60 else f"{minutes} min"
 
 
-def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
-    def part(words: str) -> tuple[int, int]:
-        number, _, of = words.partition("/")
-        if not (of.isdigit() and number.isdigit() and 1 <= int(number) <= int(of)):
-            raise argparse.ArgumentTypeError(f"{words!r} is no part such as 1/2")
-        return int(number), int(of)
+def part(words: str) -> tuple[int, int]:
+    """K and N of `K/N`."""
+    number, _, of = words.partition("/")
+    if not (of.isdigit() and number.isdigit() and 1 <= int(number) <= int(of)):
+        raise argparse.ArgumentTypeError(f"{words!r} is no part such as 1/2")
+    return int(number), int(of)
 
+
+def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--out", type=Path, required=True, help="folder of results and report")
     parser.add_argument("--plan", choices=PLANS, default="full")

@@ -53,7 +53,7 @@ def _diagnose(
     several = [slower(record) for record in _alike(several, vehicle)]
     say = told or (lambda _: None)
     runs = lay_out(several)
-    plants = _plants(several)
+    plants = plants_of(several)
     say(f"looking into the {' and the '.join(spec.name for spec in plants)}")
 
     def look(spec: PlantSpec) -> Search | str:
@@ -92,7 +92,7 @@ def _alike(records: list[Record], vehicle: VehicleGeometry | None) -> list[Recor
     return [replace(r, vehicle=r.vehicle or vehicle) for r in records]
 
 
-def _plants(records: Sequence[Record]) -> list[PlantSpec]:
+def plants_of(records: Sequence[Record]) -> list[PlantSpec]:
     """The plants to look at: of a vehicle one for each of speed and angle, else all."""
     plants = list({p.name: p for r in records for p in r.plants}.values())
     channels = set.intersection(*(set(r.channels) for r in records))

@@ -18,8 +18,10 @@ _ROUNDS = 4
 _SETTLED = 1.0  # gain of twice the log-likelihood by a round, after which another is not worth it
 _IDLE = 5.0  # gain by the first round, below which there is no second
 _RIDGE = 1e-4  # of the samples: a thousandth of a standard deviation for each weight
-_SURE = 30.0  # beyond two for each weight; made-up drives without a cause reach 16
-_HELD = 12.0  # the same on data held out, and they reach 13
+SURE, HELD = 30.0, 12.0
+"""Twice the gain in log-likelihood, beyond two for each weight, and on data held out, from which on
+a kind of error is told."""
+
 _WORTH = 0.05  # share of the squared error, fitted and held out, below which it is not told
 _START = 2.0  # s at the start of what is held out, where the states at the start are guessed
 _WIDTHS = (0.02, 0.05, 0.1, 0.2, 0.35)  # of plays, of the range
@@ -67,12 +69,18 @@ class Explained:
     Attributes:
         family: the kind.
         statistic: twice the gain in log-likelihood, less two for each weight.
+        held_out: twice the gain on data held out; infinite where there is none.
         share: of the squared error, where it was fitted or held out, whichever is less.
     """
 
     family: Family
     statistic: float
+    held_out: float
     share: float
+
+    def sure(self, least: float = _WORTH) -> bool:
+        """Whether it is sure, borne out on data held out, and more than a share."""
+        return self.statistic > SURE and self.held_out > HELD and self.share > least
 
 
 def of_plant(
@@ -155,17 +163,15 @@ def of_body(
     return np.stack([np.ones_like(v), v, delta, turn, rate, *lagged]), found
 
 
-def explained(
+def weighed(
     e: Float[np.ndarray, "R N"],
     linear: Float[np.ndarray, "k R N"],
     families: Sequence[Family],
     mask: Bool[np.ndarray, "R N"],
     held_out: Bool[np.ndarray, "R N"],
     dt: float,
-    least: float = _WORTH,
-) -> Explained | None:
-    """The family that explains most of an error, where one does: surely, on data held out too, and
-    enough of it to matter.
+) -> list[Explained]:
+    """What each family explains of an error; nothing where there are too few samples to tell.
 
     Args:
         e: the error.
@@ -173,10 +179,9 @@ def explained(
         families: the kinds.
         mask: samples that were fitted; `held_out`: those that were not.
         dt: sample period, s.
-        least: share of the squared error that matters.
     """
     if mask.sum() < 40 * (_WAVES + len(linear)):
-        return None
+        return []
     settled = held_out.copy()
     settled[:, : round(_START / dt)] = False
     uses = (mask, settled) if settled.sum() > 200 else (mask,)
@@ -185,10 +190,23 @@ def explained(
     for family in families:
         freer = _squares(e, np.concatenate([linear, family.features]), uses, dt)
         news = [u.sum() * np.log(a / b) for u, a, b in zip(uses, plain[0], freer[0], strict=True)]
-        news[0] -= 2.0 * len(family.features)
         share = min(1.0 - b / a for a, b in zip(plain[1], freer[1], strict=True))
-        if news[0] > _SURE and min(news[1:], default=np.inf) > _HELD and share > least:
-            found.append(Explained(family, float(news[0]), float(share)))
+        fitted = float(news[0]) - 2.0 * len(family.features)
+        found.append(Explained(family, fitted, float(min(news[1:], default=np.inf)), float(share)))
+    return found
+
+
+def explained(
+    e: Float[np.ndarray, "R N"],
+    linear: Float[np.ndarray, "k R N"],
+    families: Sequence[Family],
+    mask: Bool[np.ndarray, "R N"],
+    held_out: Bool[np.ndarray, "R N"],
+    dt: float,
+) -> Explained | None:
+    """The family that explains most of an error, where one does so surely and enough of it to
+    matter. See `weighed`."""
+    found = [f for f in weighed(e, linear, families, mask, held_out, dt) if f.sure()]
     return max(found, key=lambda f: f.statistic, default=None)
 
 
@@ -209,12 +227,13 @@ def better_than(
         cause: its name.
         gain: twice the log-likelihood that it gains.
         e: the error of the model without it.
-        linear, families, mask, held_out, dt: as in `explained`.
+        linear, families, mask, held_out, dt: as in `weighed`.
     """
     others = [f for f in families if f.causes is not None and cause not in f.causes]
-    found = explained(e, linear, others, mask, held_out, dt, least=0.0)
     times, beyond = _BETTER
-    return found if found is not None and found.statistic > times * gain + beyond else None
+    found = weighed(e, linear, others, mask, held_out, dt)
+    better = [f for f in found if f.sure(0.0) and f.statistic > times * gain + beyond]
+    return max(better, key=lambda f: f.statistic, default=None)
 
 
 def history(x: Float[np.ndarray, "R N"], seconds: float, dt: float) -> Float[np.ndarray, "R N"]:

@@ -6,6 +6,7 @@ from .refit import Hypothesis, Refit
 from .stage import Stage
 from .starts import backward, lingers
 
+# What causes gain on drives without any stands in docs/calibration, by tests/hidden/calibrate.py.
 ORDER_COST = 10.0  # of each coefficient of the plant, in twice the log-likelihood
 CAUSE_COST = 20.0  # of a cause, beside
 PARAMETER_COST = 8.0  # of each of its parameters

@@ -43,6 +43,7 @@ SWAPPED = 2.0  # by which another cause must be better to take a place
 _RIVALS = 8  # that are told
 _LIGHT, _NAME = 0.15, 20.0  # damping of a mode, and what its name may cost
 _TOLD = 10.0  # what a pole for a delay may cost
+_MENDS = 0.06  # of what other causes are worth, likewise
 _LITTLE = 0.01  # of what the poles are worth that tell a mode, which its name may cost
 _GROWS = 50.0  # that a cause in a small plant must gain for larger ones to be tried with it
 _MUCH, _SURE = 0.4, 2.5  # share of the error, and standard errors, that data held out bear out
@@ -57,7 +58,7 @@ def search(stage: Stage) -> Search:
     whole, stage = stage, stage.fitting
     grid = baselines(stage)
     plain = max(grid.values(), key=lambda f: score(stage, f))
-    now, screened, seen = _climbed(stage, plain, grid)
+    now, screened, seen = climbed(stage, plain, grid)
     now, findings = _swapped(stage, now, seen, set())
     failed: list[Failed] = []
     while True:
@@ -194,7 +195,7 @@ def _borne_out(found: Search, seen: Mapping[tuple, Refit], failed: set[int]) -> 
     return best
 
 
-def _climbed(
+def climbed(
     stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]
 ) -> tuple[Refit, list[Candidate], dict[tuple, Refit]]:
     """The plain plant with one cause after another, for as long as they are worth their price; the
@@ -317,13 +318,22 @@ def _eliminate(stage: Stage, now: Refit, seen: dict[tuple, Refit]) -> Refit:
         fits = best_of_each([*refit(stage, starts + again), *known])
         best = max(fits, key=lambda f: score(stage, f))
         gone = next(iter(set(now.hypothesis.active) - set(best.hypothesis.active)))
-        told_by_poles = stage.slots[gone].cause == "transport_delay"
-        if score(stage, best) < score(stage, now) - (_TOLD if told_by_poles else 0.0):
+        late = stage.slots[gone].cause == "transport_delay"
+        if score(stage, best) < score(stage, now) - (_told(stage, best, seen) if late else 0.0):
             return now
         if _rings(stage, now, best, seen):
             return now
         now = best
     return now
+
+
+def _told(stage: Stage, poles: Refit, seen: Mapping[tuple, Refit]) -> float:
+    """What poles for a delay may cost: beside other causes a part of what those are worth, since
+    where their form is not exact, a delay mends it."""
+    if backward(poles.hypothesis).size:  # a delay by another name
+        return _TOLD
+    plain = max(score(stage, f) for f in seen.values() if not f.hypothesis.active)
+    return max(_TOLD, _MENDS * (score(stage, poles) - plain))
 
 
 def _findings(
