@@ -28,6 +28,7 @@ _WIDTHS = (0.02, 0.05, 0.1, 0.2, 0.35)  # of plays, of the range
 _PASTS = (3.0, 10.0, 30.0)  # s
 _LAGS = (0.1, 0.3, 1.0, 3.0)  # s
 _WAVES = 24
+_EACH = 15  # samples, at the least, for each weight
 _BETTER = (1.2, 20.0)  # times a cause's gain, and beyond, from which a kind tells it better
 
 _STICKING = ("backlash", "coulomb_friction", "dead_zone")
@@ -171,7 +172,7 @@ def weighed(
     held_out: Bool[np.ndarray, "R N"],
     dt: float,
 ) -> list[Explained]:
-    """What each family explains of an error; nothing where there are too few samples to tell.
+    """What each family explains of an error, but of those that have too many weights to tell.
 
     Args:
         e: the error.
@@ -180,14 +181,14 @@ def weighed(
         mask: samples that were fitted; `held_out`: those that were not.
         dt: sample period, s.
     """
-    if mask.sum() < 40 * (_WAVES + len(linear)):
-        return []
     settled = held_out.copy()
     settled[:, : round(_START / dt)] = False
     uses = (mask, settled) if settled.sum() > 200 else (mask,)
     plain = _squares(e, linear, uses, dt)
     found = []
     for family in families:
+        if mask.sum() < _EACH * (len(family.features) + len(linear)):
+            continue
         freer = _squares(e, np.concatenate([linear, family.features]), uses, dt)
         news = [u.sum() * np.log(a / b) for u, a, b in zip(uses, plain[0], freer[0], strict=True)]
         share = min(1.0 - b / a for a, b in zip(plain[1], freer[1], strict=True))

@@ -5,21 +5,25 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..config import PlantSpec
-from .body import CAUSES
-from .body_fit import residual
+from .body import CAUSES, Body
+from .body_fit import BodyFit, residual
 from .body_search import BodyFinding, BodySearch
 from .colour import whiten
-from .families import Explained, Family, better_than, of_body, of_plant
+from .families import Explained, Family, better_than, explained, of_body, of_plant
 from .found import Failed, Finding, Search
 from .judge import Scored
 from .prepare import Runs, derived, steering_angle
 from .result import Unexplained
 from .stage import Stage
 from .unexplained import LARGE, LARGE_HELD_OUT, slow_error, structure
+from .windows import thinned
 
 _LOUD = 100.0  # of twice the log-likelihood, from which a cause that fails on other data is told
 _SEEN = 0.005  # of the squared error, from which on it is
 _PUZZLING = 0.2  # of it, from which on it casts doubt on what was found beside
+_MANY = 30_000  # samples, beyond which kinds of error are asked by means of several
+
+Question = tuple[np.ndarray, np.ndarray, list[Family], np.ndarray, np.ndarray, float]
 
 
 def leftover(
@@ -42,22 +46,16 @@ def stand_ins(
     for spec, own in searches.items():
         stage, evenly = own.stage, _evenly(runs, spec)
         for finding in own.findings:
-            less = own.without(finding)
-            e = np.where(stage.mask | stage.held_out, stage.y - less.y, 0.0) * evenly
-            kinds = _kinds(spec, stage, less.y, evenly)
             cause = stage.slots[finding.number].cause
-            masks = (stage.mask, stage.held_out, stage.dt)
-            better = better_than(cause, finding.gain, e, *kinds, *masks)
+            question = _asked(spec, stage, own.without(finding).y, evenly)
+            better = better_than(cause, finding.gain, *question)
             if better is not None:
                 found.append((finding, _instead(spec.output, cause, better)))
     if bodily is not None and "r" in bodily.body.measured:
-        body = bodily.body
-        masks = (body.mask["r"], body.held_out["r"])
-        kinds = of_body(body.v, body.delta, runs.time(), masks[0], body.dt)
         for finding in bodily.findings:
             cause = CAUSES[finding.number].cause
-            e = residual(body, finding.less, "r", masks[0] | masks[1])
-            better = better_than(cause, finding.gain, e, *kinds, *masks, body.dt)
+            question = _asked_of_body(runs, bodily.body, finding.less)
+            better = better_than(cause, finding.gain, *question)
             if better is not None:
                 found.append((finding, _instead("r", cause, better)))
     return found
@@ -86,11 +84,9 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     e = np.where(stage.mask | stage.held_out, stage.y - final.y, 0.0)
     evenly = _evenly(runs, spec)
     white = whiten(e[None], final.colour[None])[0] * evenly
-    linear, families = _kinds(spec, stage, final.y, evenly)
     masks = (stage.mask, stage.held_out)
-    found = structure(
-        spec.output, e * evenly, white, *masks, linear, families, runs.names, stage.dt
-    )
+    found = _of_a_kind(spec.output, explained(*_asked(spec, stage, final.y, evenly)))
+    found += structure(spec.output, e * evenly, white, *masks, runs.names, stage.dt)
     for use, least in zip(masks, (LARGE, LARGE_HELD_OUT), strict=True):
         slow = slow_error(spec.output, e, white, stage.y, use, stage.dt, least)
         if slow is not None:
@@ -105,14 +101,36 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     return found
 
 
-def _kinds(
-    spec: PlantSpec, stage: Stage, y: np.ndarray, evenly: np.ndarray | float
-) -> tuple[np.ndarray, list[Family]]:
-    """Kinds of error of a plant whose model responds with `y`."""
+def _of_a_kind(channel: str, kind: Explained | None) -> list[Unexplained]:
+    if kind is None:
+        return []
+    words, on = f"{kind.family.words} would explain it", kind.family.depends_on
+    return [Unexplained(channel, kind.share, on, (), words, puzzling=kind.share > _PUZZLING)]
+
+
+def _asked(spec: PlantSpec, stage: Stage, y: np.ndarray, evenly: np.ndarray | float) -> Question:
+    """What to ask the families about a plant whose model responds with `y`."""
+    e = np.where(stage.mask | stage.held_out, stage.y - y, 0.0) * evenly
     other, t = (np.asarray(x) for x in (stage.signals.other, stage.signals.t))
-    names = (spec.input, spec.output)
-    linear, families = of_plant(stage.u, y, other, t, names, stage.mask, stage.dt)
-    return linear * evenly, [f.times(evenly) for f in families]
+    every = -(-e.size // _MANY)
+    weights = thinned(evenly * np.ones_like(e), every)
+    e, u, y, other, t, mask, held_out = (
+        thinned(x, every) for x in (e, stage.u, y, other, t, stage.mask, stage.held_out)
+    )
+    dt = every * stage.dt
+    linear, families = of_plant(u, y, other, t, (spec.input, spec.output), mask, dt)
+    return e, linear * weights, [f.times(weights) for f in families], mask, held_out, dt
+
+
+def _asked_of_body(runs: Runs, body: Body, fit: BodyFit) -> Question:
+    """The same about the yaw rate of a body."""
+    masks = (body.mask["r"], body.held_out["r"])
+    e = residual(body, fit, "r", masks[0] | masks[1])
+    every = -(-e.size // _MANY)
+    e, v, delta, t, mask, held_out = (
+        thinned(x, every) for x in (e, body.v, body.delta, runs.time(), *masks)
+    )
+    return e, *of_body(v, delta, t, mask, every * body.dt), mask, held_out, every * body.dt
 
 
 def _evenly(runs: Runs, spec: PlantSpec) -> np.ndarray | float:
@@ -130,10 +148,10 @@ def _of_body(runs: Runs, found: BodySearch) -> list[Unexplained]:
     if "r" not in body.measured:
         return []
     masks = (body.mask["r"], body.held_out["r"])
-    linear, families = of_body(body.v, body.delta, runs.time(), masks[0], body.dt)
     e = residual(body, final, "r", masks[0] | masks[1])
     white = whiten(e[None], final.colour["r"][None])[0]
-    left = structure("r", e, white, *masks, linear, families, runs.names, body.dt)
+    left = _of_a_kind("r", explained(*_asked_of_body(runs, body, final)))
+    left += structure("r", e, white, *masks, runs.names, body.dt)
     for failed in found.failed:
         if failed.finding.gain > _LOUD and failed.share > _SEEN and not failed.usual:
             cause = CAUSES[failed.finding.number]

@@ -1,21 +1,17 @@
 """Is there structure left? Tests on what a model leaves that need no hypothesis.
 
-Of `structure` there are three: does a kind of error that has no name in the library explain it
-(`families`); is the energy of short windows beyond what their spread allows (drop-outs, knocks);
-and is the error on data held out larger than on those fitted. `slow_error` is the fourth.
+Is the energy of short windows beyond what their spread allows (drop-outs, knocks)? Is the error on
+data held out larger than on those fitted? Is a slow error large beside the response? What kind of
+error it is, where it is of one that has no name in the library, `families` asks.
 """
-
-from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from .families import Family, explained
 from .result import Unexplained
 from .windows import SLOW, moving_mean
 
 _WORTH = 0.01  # share of the innovations' variance below which bursts are not spoken of
-_PUZZLING = 0.2  # share of the squared error, from which on a kind without a name casts doubt
 _SHARP = (4.5, 1.6)  # of white windows: spreads of the logarithm of energy, and its least excess
 _BROAD = (8.0, 3.0)  # of coloured ones, whose energies differ more
 _WORSE = 1.5  # innovations on data held out, beside those fitted; runs differ in noise by 1.4
@@ -36,28 +32,20 @@ def structure(
     innovations: Float[np.ndarray, "R N"],
     mask: Bool[np.ndarray, "R N"],
     held_out: Bool[np.ndarray, "R N"],
-    linear: Float[np.ndarray, "k R N"],
-    families: Sequence[Family],
     runs: tuple[str, ...],
     dt: float,
 ) -> list[Unexplained]:
-    """What is left in a channel, by the three tests; empty if nothing is.
+    """What is left in a channel, by the two tests that ask for no kind; empty if nothing is.
 
     Args:
         channel: its name.
         residual: what the model leaves; slow structure shows in it.
         innovations: the same whitened; fast structure shows in it.
         mask: samples that were fitted; `held_out`: those that were not.
-        linear, families: what is no news of structure, and what would be.
         runs: names of the runs.
         dt: sample period, s.
     """
     found = []
-    kind = explained(residual, linear, families, mask, held_out, dt)
-    if kind is not None:
-        words = f"{kind.family.words} would explain it"
-        on, doubt = kind.family.depends_on, kind.share > _PUZZLING
-        found.append(Unexplained(channel, kind.share, on, (), words, puzzling=doubt))
     known = mask | held_out
     bursts = _bursts(innovations, known, runs, dt, *_SHARP)
     bursts = bursts or _bursts(residual, known, runs, dt, *_BROAD)

@@ -25,6 +25,14 @@ def block_sums(rows: Float[np.ndarray, "... n"], blocks: int) -> Float[np.ndarra
     return np.add.reduceat(rows, starts, axis=-1)
 
 
+def thinned(x: np.ndarray, every: int) -> np.ndarray:
+    """Means over so many rows of the last axis, of a mask whether all are true; what is left over
+    at the end is left out."""
+    whole = x.shape[-1] // every * every
+    blocks = x[..., :whole].reshape(*x.shape[:-1], -1, every)
+    return blocks.all(axis=-1) if x.dtype == bool else blocks.mean(axis=-1)
+
+
 def widening(
     covariance: Float[np.ndarray, "p p"], scores: Float[np.ndarray, "p blocks"]
 ) -> Float[np.ndarray, " p"]:
