@@ -70,7 +70,8 @@ class Evidence:
                 continue
             sure.append(cause)
             found = self._finding(cause, trial, road)
-            small = weighing.minor(cause, trial, found, _doubt(puzzles, cause, trial))
+            leads = weighing.leads(cause, trials)
+            small = weighing.minor(cause, trial, found, _doubt(puzzles, cause, trial), leads)
             small = small or any(f in (cause.finding, cause.body) for f, _ in outdone)
             (minor if small else findings).append(found)
         for found in rounded:

@@ -43,7 +43,20 @@ class Weighing:
     baseline: Mapping[str, ChannelScore]
     extended: Mapping[str, ChannelScore]
 
-    def minor(self, cause: Named, trial: Trial, found: Finding, puzzle: float) -> bool:
+    def leads(self, cause: Named, trials: Sequence[tuple[Named, Trial]]) -> bool:
+        """Whether a cause takes most of all of its actuator where none takes more than little: each
+        stands in for the others where it is missing, and together they may take nearly all."""
+        taken = [
+            (self._of_all(other, trial.gain), trial.gain.channel, other)
+            for other, trial in trials
+            if other.search is cause.search and self._told_by(other, trial.gain)
+        ]
+        if len(taken) < 2:
+            return False
+        most, channel, first = max(taken, key=lambda one: one[0])
+        return first is cause and most < MINOR and self.taken(channel) > _STRONG
+
+    def minor(self, cause: Named, trial: Trial, found: Finding, puzzle: float, leads: bool) -> bool:
         """Whether a cause is minor.
 
         Args:
@@ -51,10 +64,12 @@ class Weighing:
             trial: what it is worth.
             found: the same as a finding.
             puzzle: share of what is left in its channel that nothing explains, if that is much.
+            leads: whether it is the first of several that stand in for each other.
         """
         share = max(found.share, trial.gain.typical)
         rest = share < _MOST and trial.gain.after - trial.gain.before < _POINTS
-        small = share < MINOR or (rest and 0.0 <= self._of_all(cause, trial.gain) < MINOR)
+        beside = rest and 0.0 <= self._of_all(cause, trial.gain) < MINOR
+        small = share < MINOR or (beside and not leads)
         small = small or not trial.believed(share, puzzle * (1.0 - share) > _PUZZLE)
         imitated = trial.gain.typical <= 0.0 and self._imitated(cause, trial.gain)
         vague = share < _STRONG and _vague(cause, found)
