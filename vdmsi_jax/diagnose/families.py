@@ -138,7 +138,8 @@ def of_body(
     mask: Bool[np.ndarray, "R N"],
     dt: float,
 ) -> tuple[Float[np.ndarray, "k R N"], list[Family]]:
-    """The same of a vehicle's yaw rate.
+    """The same of a vehicle's yaw rate. A yaw lag that changes with speed and turn is no news:
+    every vehicle has one.
 
     Args:
         v: speed, m/s; `delta`: steering angle, rad; `t`: time, s.
@@ -156,12 +157,11 @@ def of_body(
     found = [
         _family("tyres whose grip runs out", ["lateral acceleration"], tyres),
         _hysteresis(turn, "delta", mask),
-        _family("a yaw lag that changes with the state", ["v", "delta"], paced, _LATE),
         _family("braking and accelerating while it turns", ["rate of v"], shifted, _LATE),
         _any("a function of speed and angle", states, mask),
     ]
     lagged = [v * history(delta, s, dt) for s in _LAGS[:2]]
-    return np.stack([np.ones_like(v), v, delta, turn, rate, *lagged]), found
+    return np.stack([np.ones_like(v), v, delta, turn, rate, *lagged, *paced]), found
 
 
 def weighed(

@@ -15,7 +15,7 @@ from .judge import Scored
 from .prepare import Runs, derived, steering_angle
 from .result import Unexplained
 from .stage import Stage
-from .unexplained import LARGE, LARGE_HELD_OUT, slow_error, structure
+from .unexplained import LARGE, LARGE_HELD_OUT, SMALL, extent, slow_error, structure
 from .windows import thinned
 
 _LOUD = 100.0  # of twice the log-likelihood, from which a cause that fails on other data is told
@@ -85,7 +85,8 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     evenly = _evenly(runs, spec)
     white = whiten(e[None], final.colour[None])[0] * evenly
     masks = (stage.mask, stage.held_out)
-    found = _of_a_kind(spec.output, explained(*_asked(spec, stage, final.y, evenly)))
+    kind = explained(*_asked(spec, stage, final.y, evenly))
+    found = _of_a_kind(spec.output, kind, e, stage.y, stage.mask)
     found += structure(spec.output, e * evenly, white, *masks, runs.names, stage.dt)
     for use, least in zip(masks, (LARGE, LARGE_HELD_OUT), strict=True):
         slow = slow_error(spec.output, e, white, stage.y, use, stage.dt, least)
@@ -101,10 +102,17 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     return found
 
 
-def _of_a_kind(channel: str, kind: Explained | None) -> list[Unexplained]:
+def _of_a_kind(
+    channel: str, kind: Explained | None, e: np.ndarray, y: np.ndarray, use: np.ndarray
+) -> list[Unexplained]:
+    """What a kind explains of an error in a response, told as small where it is that beside it."""
     if kind is None:
         return []
     words, on = f"{kind.family.words} would explain it", kind.family.depends_on
+    size = float(np.sqrt(kind.share * np.mean(e[use] ** 2))) / extent(y[use])
+    if size < SMALL:
+        words += f"; {100.0 * size:.1f} % of the response's spread"
+        return [Unexplained(channel, kind.share, on, (), words, size=size)]
     return [Unexplained(channel, kind.share, on, (), words, puzzling=kind.share > _PUZZLING)]
 
 
@@ -150,7 +158,8 @@ def _of_body(runs: Runs, found: BodySearch) -> list[Unexplained]:
     masks = (body.mask["r"], body.held_out["r"])
     e = residual(body, final, "r", masks[0] | masks[1])
     white = whiten(e[None], final.colour["r"][None])[0]
-    left = _of_a_kind("r", explained(*_asked_of_body(runs, body, final)))
+    kind = explained(*_asked_of_body(runs, body, final))
+    left = _of_a_kind("r", kind, e, body.measured["r"], masks[0])
     left += structure("r", e, white, *masks, runs.names, body.dt)
     for failed in found.failed:
         if failed.finding.gain > _LOUD and failed.share > _SEEN and not failed.usual:

@@ -121,7 +121,7 @@ class Unexplained:
         when: moments, (run, start s, stop s), in which it is concentrated.
         test: which test found it, in words.
         puzzling: whether it is so large that causes named beside it may only stand in for it.
-        size: of a slow error, of the response's spread; infinite where another test found it.
+        size: of a slow error, or of one that is small, of the response's spread; else infinite.
     """
 
     channel: str

@@ -20,6 +20,9 @@ LARGE = 0.045
 cause leave 0.005 to 0.042."""
 LARGE_HELD_OUT = 0.08
 """The same where it was not fitted, and 0.02 to 0.053."""
+SMALL = 0.012
+"""An error of a kind that is sure, of a response's spread, below which it changes no verdict: cars
+on a physics engine without a cause have a yaw lag that is not quite constant, of 0.009."""
 _OF_LEVEL = 0.25  # of the largest response, which counts as spread where it is larger
 _BESIDE = 1.2  # innovations
 _WINDOW = 0.5  # s
@@ -85,13 +88,17 @@ def slow_error(
     slow = moving_mean(np.where(mask, residual, 0.0), SLOW, dt)
     size = float(np.sqrt(np.mean(slow[mask] ** 2)))
     fast = float(np.sqrt(np.mean(innovations[mask] ** 2)))
-    values = response[mask]
-    spread = max(float(np.std(values)), _OF_LEVEL * float(np.abs(values).max()))
+    spread = extent(response[mask])
     if size < least * spread or size < _BESIDE * fast:
         return None
     share = min(size**2 / max(float(np.mean(residual[mask] ** 2)), 1e-300), 1.0)
     words = f"a slow error of {100.0 * size / spread:.0f} % of the response's spread"
     return Unexplained(channel, share, ("t",), (), words, puzzling=True, size=size / spread)
+
+
+def extent(values: Float[np.ndarray, " n"]) -> float:
+    """Spread of a response, or a part of its level where it hardly moves."""
+    return max(float(np.std(values)), _OF_LEVEL * float(np.abs(values).max()), 1e-300)
 
 
 def _bursts(e, known, runs, dt, spreads: float, least: float):

@@ -26,6 +26,7 @@ from .result import ChannelScore, Diagnosis, Estimate, Finding, Gain, Response, 
 from .road import Road
 from .screen import screen
 from .search import joined
+from .unexplained import SMALL
 from .weighing import MINOR, Weighing, overshadowed
 from .words import sentence, summary
 
@@ -85,7 +86,9 @@ class Evidence:
         serious = [
             u
             for u in left
-            if u.fraction > _SERIOUS and (u.puzzling or u.fraction > rounds.get(u.channel, 0.0))
+            if u.fraction > _SERIOUS
+            and u.size >= SMALL
+            and (u.puzzling or u.fraction > rounds.get(u.channel, 0.0))
         ]
         touched = {f.gain.channel for f in findings}
         open_ = [

@@ -14,9 +14,9 @@ from .prepare import Runs
 from .result import ChannelScore, Finding, Gain
 from .starts import backward
 
-MINOR = 0.02
+MINOR = 0.03
 """Share of the held-out squared error of its channel, with no cause or with all others, below which
-a significant cause is minor."""
+a significant cause is minor: cars on a physics engine, whose causes are none, reach 0.026."""
 
 _MOST, _POINTS = 0.5, 2.0  # of what all others leave, and of FIT: from either one a cause matters
 # however small it is beside them
