@@ -26,7 +26,8 @@ on a physics engine without a cause have a yaw lag that is not quite constant, o
 _OF_LEVEL = 0.25  # of the largest response, which counts as spread where it is larger
 _BESIDE = 1.2  # innovations
 _WINDOW = 0.5  # s
-_OUTLIERS = 0.2  # of its samples, that may stand out in a window
+_OUTLIERS = 0.2  # of the samples, that may stand out in a window and the two beside it
+_LASTS = 2.5  # times the usual error without these, which an event has
 
 
 def structure(
@@ -50,8 +51,8 @@ def structure(
     """
     found = []
     known = mask | held_out
-    bursts = _bursts(innovations, known, runs, dt, *_SHARP)
-    bursts = bursts or _bursts(residual, known, runs, dt, *_BROAD)
+    bursts = _bursts(innovations, residual, known, runs, dt, *_SHARP)
+    bursts = bursts or _bursts(residual, residual, known, runs, dt, *_BROAD)
     if bursts is not None:
         share, when = bursts
         found.append(Unexplained(channel, share, ("t",), when, "energy of short windows"))
@@ -101,17 +102,17 @@ def extent(values: Float[np.ndarray, " n"]) -> float:
     return max(float(np.std(values)), _OF_LEVEL * float(np.abs(values).max()), 1e-300)
 
 
-def _bursts(e, known, runs, dt, spreads: float, least: float):
-    """Windows whose energy is beyond the spread of the others, without their largest samples: one
-    that stands alone is an outlier of a sensor."""
+def _bursts(e, residual, known, runs, dt, spreads: float, least: float):
+    """Windows whose energy is beyond the spread of the others, and the error with it: a sample or
+    two that stand alone are outliers of a sensor."""
     length = max(4, round(_WINDOW / dt))
-    kept = length - max(1, round(_OUTLIERS * length))
-    energies, places = [], []
+    energies, around, places = [], [], []
     for r, (row, use) in enumerate(zip(e, known, strict=True)):
         for start in range(0, len(row) - length + 1, length):
             if use[start : start + length].all():
-                squares = np.sort(row[start : start + length] ** 2)
-                energies.append(float(np.mean(squares[:kept])))
+                energies.append(float(np.mean(row[start : start + length] ** 2)))
+                near = residual[r, max(0, start - length) : start + 2 * length]
+                around.append(_usual(near))
                 places.append((r, start))
     if len(energies) < 20:
         return None
@@ -119,7 +120,8 @@ def _bursts(e, known, runs, dt, spreads: float, least: float):
     logs = np.log(np.maximum(values, 1e-300))
     middle = np.median(logs)
     spread = max(1.4826 * float(np.median(np.abs(logs - middle))), np.sqrt(2.0 / length))
-    wild = np.flatnonzero(logs > middle + max(spreads * spread, least))
+    wild = logs > middle + max(spreads * spread, least)
+    wild = np.flatnonzero(wild & (np.array(around) > _LASTS * np.median(around)))
     if wild.size == 0:
         return None
     excess = float(np.sum(values[wild] - np.median(values)) / np.sum(values))
@@ -128,6 +130,12 @@ def _bursts(e, known, runs, dt, spreads: float, least: float):
         (runs[places[k][0]], places[k][1] * dt, (places[k][1] + length) * dt) for k in order
     )
     return (excess, when) if excess > 2 * _WORTH else None
+
+
+def _usual(e: np.ndarray) -> float:
+    """Mean square without the largest."""
+    squares = np.sort(e**2)
+    return float(np.mean(squares[: len(squares) - round(_OUTLIERS * len(squares))]))
 
 
 def _worse(e, mask, held_out, dt):

@@ -9,20 +9,19 @@ import numpy as np
 from ..config import PlantSpec
 from ..data.record import Record
 from .body import CAUSES, CHANNELS
-from .body_fit import residual
 from .body_search import BodySearch, at_fixed, chained
 from .budget import of_channel, of_path
-from .colour import whiten
+from .channels import channel_scores, responses, units_of
 from .detectability import detectable
 from .extension import extended_model, plain_model
 from .found import Search
-from .judge import Scored, Trial, confirmed, fit_percent, gain_of
+from .judge import Scored, Trial, confirmed, gain_of
 from .leftover import leftover, stand_ins
 from .manoeuvres import separate
 from .naming import Named, merged, of_body, of_stage, of_yaw_rate
 from .prepare import Runs, steering_angle
 from .refit import Refit, refit
-from .result import ChannelScore, Diagnosis, Estimate, Finding, Gain, Response, Rival, Unexplained
+from .result import ChannelScore, Diagnosis, Estimate, Finding, Gain, Rival, Unexplained
 from .road import Road
 from .screen import screen
 from .search import joined
@@ -62,9 +61,9 @@ class Evidence:
         for u in left:
             if u.puzzling:
                 puzzles[u.channel] = max(puzzles.get(u.channel, 0.0), u.fraction)
-        scores = {c: self._scores(c) for c in ("baseline", "extended")}
-        weighing = Weighing(self.searches, self.runs, scores["baseline"], scores["extended"])
-        rounded = self._quantised(scores["extended"])
+        plain, extended = (channel_scores(*models[1:], extended=e) for e in (False, True))
+        weighing = Weighing(self.searches, self.runs, plain, extended)
+        rounded = self._quantised(extended)
         sure, findings, minor = [], [], []
         for cause, trial in trials:
             if trial.worth <= 0.0 or _rounds_too(cause, trial, rounded):
@@ -109,17 +108,17 @@ class Evidence:
             baseline=plain_model(self.searches, self.records),
             model=extended_model(self.searches, self.bodily, self.records),
             orders={s.name: f.baseline.hypothesis.order for s, f in self.searches.items()},
-            channels=scores["baseline"],
-            extended=scores["extended"],
+            channels=plain,
+            extended=extended,
             ate=None if road is None else road.ate(),
             budget=tuple(budget),
             detectable=tuple(
                 d
                 for spec, found in self.searches.items()
-                for d in detectable(found.stage, found.final, self._units(spec))
+                for d in detectable(found.stage, found.final, units_of(self.records, spec))
             ),
             unseen=self.unseen,
-            responses=tuple(self._responses()),
+            responses=tuple(responses(self.records, *models)),
             paths=() if road is None else tuple(road.paths()),
             records=tuple(self.records),
             held_out=self._held_out(),
@@ -150,14 +149,10 @@ class Evidence:
             made.append(replace(found, sentence=said[:1].upper() + said[1:]))
         return made
 
-    def _units(self, spec: PlantSpec) -> tuple[str, str]:
-        units = self.records[0].units
-        return units.get(spec.input, "rad"), units.get(spec.output, "rad")
-
     def _causes(self) -> list[Named]:
         found = []
         for spec, own in self.searches.items():
-            for cause in of_stage(own, self._units(spec)):
+            for cause in of_stage(own, units_of(self.records, spec)):
                 found.append(self._with_twin(spec, cause))
         if self.bodily is not None:
             found += of_body(self.bodily)
@@ -265,88 +260,6 @@ class Evidence:
                 return separate(cause.search.stage, cause.search.final, cause.finding.number, other)
         return _SENSOR
 
-    # ---- scores ---------------------------------------------------------------------------
-
-    def _scores(self, which: str) -> dict[str, ChannelScore]:
-        found = {}
-        for spec, own in self.searches.items():
-            stage = own.stage
-            fit = own.baseline if which == "baseline" else own.final
-            use = stage.held_out if stage.held_out.sum() > 50 else stage.mask
-            e, y = (stage.y - fit.y)[use], stage.y[use]
-            noise = float(np.std((stage.y - own.final.y)[stage.mask]))
-            ceiling = fit_percent(y, np.full(y.shape, noise))
-            found[spec.output] = ChannelScore(
-                fit_percent(y, e), float(np.mean(e**2)), noise, ceiling
-            )
-        if self.bodily is not None:
-            body = self.bodily.body
-            fit = self.bodily.plain if which == "baseline" else self.bodily.final
-            for c in ("r",):
-                if c in body.measured:
-                    use = body.held_out[c] if body.held_out[c].sum() > 50 else body.mask[c]
-                    e, y = residual(body, fit, c, use)[use], body.measured[c][use]
-                    own = residual(body, self.bodily.final, c, body.mask[c])[body.mask[c]]
-                    noise = float(np.std(own))
-                    ceiling = fit_percent(y, np.full(y.shape, noise))
-                    found[c] = ChannelScore(fit_percent(y, e), float(np.mean(e**2)), noise, ceiling)
-        return found
-
-    def _responses(self) -> list[Response]:
-        made = []
-        for spec, own in self.searches.items():
-            stage = own.stage
-            known = stage.mask | stage.held_out
-            e = np.where(known, stage.y - own.final.y, 0.0)
-            white = whiten(e[None], own.final.colour[None])[0]
-            units = self._units(spec)
-            made.append(
-                Response(
-                    spec.name,
-                    spec.input,
-                    spec.output,
-                    units[1],
-                    self.runs.names,
-                    stage.dt,
-                    self.runs.time(),
-                    stage.u,
-                    stage.y,
-                    own.baseline.y,
-                    own.final.y,
-                    white,
-                    known,
-                    stage.held_out,
-                    command_unit=units[0],
-                )
-            )
-        if self.bodily is not None and "r" in self.bodily.body.measured:
-            body = self.bodily.body
-            known = body.mask["r"] | body.held_out["r"]
-            fits = (self.bodily.plain, self.bodily.final)
-            before, after = (body.measured["r"] - residual(body, f, "r", known) for f in fits)
-            e = np.where(known, body.measured["r"] - after, 0.0)
-            white = whiten(e[None], self.bodily.final.colour["r"][None])[0]
-            made.append(
-                Response(
-                    "vehicle",
-                    "delta",
-                    "r",
-                    "rad/s",
-                    self.runs.names,
-                    body.dt,
-                    self.runs.time(),
-                    body.delta,
-                    body.measured["r"],
-                    before,
-                    after,
-                    white,
-                    known,
-                    body.held_out["r"],
-                    command_unit="rad",
-                )
-            )
-        return made
-
     def _road(self) -> Road | None:
         if self.bodily is None or not {*CHANNELS[1:]} <= set(self.bodily.body.measured):
             return None
@@ -359,7 +272,10 @@ class Evidence:
     def _budget(self, causes: Sequence[Named], road: Road | None) -> list:
         found = [
             of_channel(
-                spec.output, self._units(spec)[1], own, [c for c in causes if c.search is own]
+                spec.output,
+                units_of(self.records, spec)[1],
+                own,
+                [c for c in causes if c.search is own],
             )
             for spec, own in self.searches.items()
         ]

@@ -30,7 +30,7 @@ def thinned(x: np.ndarray, every: int) -> np.ndarray:
     at the end is left out."""
     whole = x.shape[-1] // every * every
     blocks = x[..., :whole].reshape(*x.shape[:-1], -1, every)
-    return blocks.all(axis=-1) if x.dtype == bool else blocks.mean(axis=-1)
+    return np.all(blocks, axis=-1) if x.dtype == bool else np.mean(blocks, axis=-1)
 
 
 def widening(

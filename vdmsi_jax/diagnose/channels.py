@@ -1,0 +1,107 @@
+"""What a diagnosis tells of each channel: how well it is explained, and what was measured."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ..config import PlantSpec
+from ..data.record import Record
+from .body_fit import residual
+from .body_search import BodySearch
+from .colour import whiten
+from .found import Search
+from .judge import fit_percent
+from .prepare import Runs
+from .result import ChannelScore, Response
+
+_FEW = 50  # samples held out, up to which those that were fitted judge
+
+
+def units_of(records: Sequence[Record], spec: PlantSpec) -> tuple[str, str]:
+    """Units of the command and the response of a plant."""
+    units = records[0].units
+    return units.get(spec.input, "rad"), units.get(spec.output, "rad")
+
+
+def channel_scores(
+    searches: Mapping[PlantSpec, Search], bodily: BodySearch | None, extended: bool
+) -> dict[str, ChannelScore]:
+    """How the models with or without their causes explain each channel, on data held out."""
+    found = {}
+    for spec, own in searches.items():
+        stage, fit = own.stage, own.final if extended else own.baseline
+        use = stage.held_out if stage.held_out.sum() > _FEW else stage.mask
+        left = (stage.y - own.final.y)[stage.mask]
+        found[spec.output] = _score(stage.y[use], (stage.y - fit.y)[use], left)
+    if bodily is not None and "r" in bodily.body.measured:
+        body, fit = bodily.body, bodily.final if extended else bodily.plain
+        mask, held_out = body.mask["r"], body.held_out["r"]
+        use = held_out if held_out.sum() > _FEW else mask
+        left = residual(body, bodily.final, "r", mask)[mask]
+        found["r"] = _score(body.measured["r"][use], residual(body, fit, "r", use)[use], left)
+    return found
+
+
+def _score(y: np.ndarray, e: np.ndarray, left: np.ndarray) -> ChannelScore:
+    noise = float(np.std(left))
+    ceiling = fit_percent(y, np.full(y.shape, noise))
+    return ChannelScore(fit_percent(y, e), float(np.mean(e**2)), noise, ceiling)
+
+
+def responses(
+    records: Sequence[Record],
+    runs: Runs,
+    searches: Mapping[PlantSpec, Search],
+    bodily: BodySearch | None,
+) -> list[Response]:
+    """What was commanded and measured, and what the models say with and without their causes."""
+    made = []
+    for spec, own in searches.items():
+        stage, units = own.stage, units_of(records, spec)
+        known = stage.mask | stage.held_out
+        e = np.where(known, stage.y - own.final.y, 0.0)
+        made.append(
+            Response(
+                spec.name,
+                spec.input,
+                spec.output,
+                units[1],
+                runs.names,
+                stage.dt,
+                runs.time(),
+                stage.u,
+                stage.y,
+                own.baseline.y,
+                own.final.y,
+                whiten(e[None], own.final.colour[None])[0],
+                known,
+                stage.held_out,
+                command_unit=units[0],
+            )  # fmt: skip
+        )
+    if bodily is not None and "r" in bodily.body.measured:
+        body = bodily.body
+        known = body.mask["r"] | body.held_out["r"]
+        fits = (bodily.plain, bodily.final)
+        before, after = (body.measured["r"] - residual(body, f, "r", known) for f in fits)
+        e = np.where(known, body.measured["r"] - after, 0.0)
+        made.append(
+            Response(
+                "vehicle",
+                "delta",
+                "r",
+                "rad/s",
+                runs.names,
+                body.dt,
+                runs.time(),
+                body.delta,
+                body.measured["r"],
+                before,
+                after,
+                whiten(e[None], bodily.final.colour["r"][None])[0],
+                known,
+                body.held_out["r"],
+                command_unit="rad",
+            )  # fmt: skip
+        )
+    return made
