@@ -1,5 +1,6 @@
 """The command line as a user meets it: exit codes, one-line refusals, result files, resumption."""
 
+import contextlib
 import json
 import os
 import subprocess
@@ -9,7 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from small_logs import drive, write_csv
+from vdmsi_jax import cli
 from vdmsi_jax.cli import main
+from vdmsi_jax.errors import InputError
+from vdmsi_jax.identify import vehicle
 
 DEMO = Path(__file__).parents[1] / "configs" / "demo"
 FEW_ORDERS = """
@@ -123,6 +128,24 @@ def test_a_constant_command_is_refused(vdmsi, tmp_path):
     rows = "\n".join(f"{time:.2f},1,{v:.3f}" for time, v in zip(t, np.sin(t), strict=True))
     (tmp_path / "log.csv").write_text(f"t,v_cmd,v\n{rows}\n")
     assert "v_cmd" in refused(vdmsi("identify", tmp_path / "log.csv", "--out", tmp_path))
+
+
+def test_without_a_configuration_whole_runs_of_three_are_held_out(tmp_path, monkeypatch):
+    asked = []
+
+    def ask(records, options):
+        asked.append(options)
+        raise InputError("log", "", "asked", "no more")
+
+    monkeypatch.setattr(vehicle, "each_plant", ask)
+    log, other = write_csv(tmp_path / "log.csv", drive()), tmp_path / "other.toml"
+    other.write_text("[identify]\nsplit = 'blocks'\n")
+    monkeypatch.setattr(cli, "_prepare_jax", lambda cache: None)
+    for config in (None, other):
+        with contextlib.suppress(InputError):
+            cli.identify((log, log, log), config=config, out=tmp_path / "out", report=False)
+    assert asked[0] is None  # which `identify` takes as runs, of three and more
+    assert asked[1].split == "blocks"
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vdmsi_jax.diagnose.families import better_than, explained, of_body, of_plant, plays
+from vdmsi_jax.diagnose.families import better_than, explained, of_body, of_plant, plays, weighed
 
 DT, N = 0.02, 3000
 T = np.tile(DT * np.arange(N), (3, 1))
@@ -57,7 +57,7 @@ def hot(u):
 
 def judged(error, u, y, other=0.0):
     linear, families = of_plant(u, y, other + np.zeros_like(u), T, ("u", "y"), MASK, DT)
-    return explained(error, linear, families, MASK, ~MASK, DT)
+    return explained(weighed(error, linear, families, MASK, ~MASK, DT))
 
 
 EFFECTS = {
@@ -120,15 +120,28 @@ def test_a_cause_gives_way_to_another_kind_that_explains_more_and_not_to_its_own
     y = lagged(u, 0.2)
     error = bouc_wen(y) - y + noise(rng)
     kinds = of_plant(u, y, np.zeros_like(u), T, ("u", "y"), MASK, DT)
-    whole = explained(error, *kinds, MASK, ~MASK, DT)
+    found = weighed(error, *kinds, MASK, ~MASK, DT)
+    whole = explained(found)
     assert whole is not None
     for cause, gain, gives_way in (
         ("saturation", 0.3 * whole.statistic, True),
         ("saturation", whole.statistic, False),
         ("backlash", 0.3 * whole.statistic, False),
     ):
-        better = better_than(cause, gain, error, *kinds, MASK, ~MASK, DT)
-        assert (better is not None) == gives_way, cause
+        assert (better_than(cause, gain, found) is not None) == gives_way, cause
+
+
+def test_what_the_form_of_a_known_cause_leaves_is_told_of_its_kind():
+    rng = np.random.default_rng(8)
+    u = steps(rng)
+    y = lagged(u, 0.2)
+    linear, families = of_plant(u, y, np.zeros_like(u), T, ("u", "y"), MASK, DT)
+    found = weighed(np.sin(1.2 * y) / 1.2 - y + noise(rng), linear, families, MASK, ~MASK, DT)
+    statistics = {f.family.words: f.statistic for f in found}
+    lag, curve = (f"a {x} that changes with the state" for x in ("time constant", "gain"))
+    assert statistics[lag] > 0.5 * statistics[curve]  # either could be it
+    told = explained(found, ["gain_nonlinearity"])
+    assert told is not None and told.family.words == curve
 
 
 def test_tyres_whose_grip_runs_out():
@@ -137,7 +150,7 @@ def test_tyres_whose_grip_runs_out():
     turn = v * delta
     r = 6.0 * np.tanh(turn * v / 6.0) / v
     linear, families = of_body(v, delta, T, MASK, DT)
-    found = explained(r - turn + noise(rng), linear, families, MASK, ~MASK, DT)
+    found = explained(weighed(r - turn + noise(rng), linear, families, MASK, ~MASK, DT))
     assert found is not None and found.family.words == "tyres whose grip runs out"
 
 

@@ -8,7 +8,7 @@ from vdmsi_jax.diagnose.chain import bands, regress
 from vdmsi_jax.diagnose.judge import Scored, Trial, confirmed, gain_of
 from vdmsi_jax.diagnose.prepare import lay_out
 from vdmsi_jax.diagnose.result import Gain
-from vdmsi_jax.diagnose.unexplained import slow_error
+from vdmsi_jax.diagnose.unexplained import slow_error, structure
 
 DT = 0.02
 N = 3000
@@ -36,6 +36,22 @@ def test_a_slow_error_is_told_by_its_size_alone():
 
 def test_a_slow_error_that_is_small_beside_the_response_is_none():
     assert slow(0.05) is None
+
+
+def burst(seconds: float, size: float) -> list:
+    residual = NOISE.copy()
+    first = N // 2 + 5
+    residual[0, first : first + max(1, round(seconds / DT))] += size
+    nowhere = ~EVERYWHERE
+    return structure("v", residual, residual, EVERYWHERE, nowhere, ("one",), DT)
+
+
+def test_an_event_is_told_and_a_sample_that_stands_out_is_not():
+    assert burst(0.0, 1.0) == []
+    (event,) = burst(0.6, 0.3)
+    assert event.test == "energy of short windows"
+    (run, start, stop), *_ = event.when
+    assert run == "one" and start <= DT * (N // 2 + 5) + 0.5 and stop >= DT * (N // 2)
 
 
 def test_bands_add_up_and_part_slow_from_fast():

@@ -30,6 +30,7 @@ _LAGS = (0.1, 0.3, 1.0, 3.0)  # s
 _WAVES = 24
 _EACH = 15  # samples, at the least, for each weight
 _BETTER = (1.2, 20.0)  # times a cause's gain, and beyond, from which a kind tells it better
+_OF_FORM = (0.5, 0.7)  # of the best statistic and its share, from which on a known kind is told
 
 _STICKING = ("backlash", "coulomb_friction", "dead_zone")
 _CURVED = (
@@ -42,7 +43,7 @@ _CROSSED = ("cross_coupling", "speed_dependent_gain")
 _LATE = ("sensor_lag", "sensor_delay", "tyre_relaxation")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Family:
     """A kind of error.
 
@@ -63,7 +64,7 @@ class Family:
         return replace(self, features=self.features * weights)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Explained:
     """How much of an error a family explains.
 
@@ -197,43 +198,44 @@ def weighed(
     return found
 
 
-def explained(
-    e: Float[np.ndarray, "R N"],
-    linear: Float[np.ndarray, "k R N"],
-    families: Sequence[Family],
-    mask: Bool[np.ndarray, "R N"],
-    held_out: Bool[np.ndarray, "R N"],
-    dt: float,
-) -> Explained | None:
-    """The family that explains most of an error, where one does so surely and enough of it to
-    matter. See `weighed`."""
-    found = [f for f in weighed(e, linear, families, mask, held_out, dt) if f.sure()]
-    return max(found, key=lambda f: f.statistic, default=None)
+def explained(found: Sequence[Explained], causes: Sequence[str] = ()) -> Explained | None:
+    """The family that explains most, where one does so surely and enough of it to matter: one of
+    the kind of `causes` that are known rather than another that explains little more, since what is
+    left of a cause is first of all what its form leaves."""
+    sure = [f for f in found if f.sure()]
+    best = max(sure, key=lambda f: f.statistic, default=None)
+    if best is None:
+        return None
+    nearly, alike = _OF_FORM
+    known = [
+        f
+        for f in sure
+        if set(f.family.causes or ()) & set(causes)
+        if f.statistic > nearly * best.statistic and f.share > alike * best.share
+    ]
+    return max(known, key=lambda f: f.statistic, default=best)
 
 
 def better_than(
-    cause: str,
-    gain: float,
-    e: Float[np.ndarray, "R N"],
-    linear: Float[np.ndarray, "k R N"],
-    families: Sequence[Family],
-    mask: Bool[np.ndarray, "R N"],
-    held_out: Bool[np.ndarray, "R N"],
-    dt: float,
+    cause: str, gain: float, found: Sequence[Explained], *, doubted: bool = False
 ) -> Explained | None:
-    """The family that explains what a cause explains, and clearly better, where one of another kind
-    does: the cause only stands in for it.
+    """The family that explains what a cause explains, and clearly better than it and than all of
+    its own kind, where one of another kind does: the cause only stands in for it.
 
     Args:
         cause: its name.
         gain: twice the log-likelihood that it gains.
-        e: the error of the model without it.
-        linear, families, mask, held_out, dt: as in `weighed`.
+        found: what each family explains of the error of the model without it.
+        doubted: whether a kind has told another cause beside it better; what it takes of the plain
+            error counts no longer then.
     """
-    others = [f for f in families if f.causes is not None and cause not in f.causes]
     times, beyond = _BETTER
-    found = weighed(e, linear, others, mask, held_out, dt)
-    better = [f for f in found if f.sure(0.0) and f.statistic > times * gain + beyond]
+    named = [f for f in found if f.family.causes is not None]
+    own = [f for f in named if cause in (f.family.causes or ())]
+    most = max([gain, *(f.statistic for f in own)])
+    share = -np.inf if doubted else max((f.share for f in own), default=0.0)
+    others = [f for f in named if f not in own and f.sure(share)]
+    better = [f for f in others if f.statistic > times * most + beyond]
     return max(better, key=lambda f: f.statistic, default=None)
 
 

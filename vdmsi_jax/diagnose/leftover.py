@@ -1,6 +1,6 @@
 """What all causes together leave: structure, in each channel, that the library has no name for."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from .body import CAUSES, Body
 from .body_fit import BodyFit, residual
 from .body_search import BodyFinding, BodySearch
 from .colour import whiten
-from .families import Explained, Family, better_than, explained, of_body, of_plant
+from .families import Explained, Family, better_than, explained, of_body, of_plant, weighed
 from .found import Failed, Finding, Search
 from .judge import Scored
 from .prepare import Runs, derived, steering_angle
@@ -47,24 +47,30 @@ def stand_ins(
         stage, evenly = own.stage, _evenly(runs, spec)
         for finding in own.findings:
             cause = stage.slots[finding.number].cause
-            question = _asked(spec, stage, own.without(finding).y, evenly)
-            better = better_than(cause, finding.gain, *question)
+            kinds = weighed(*_asked(spec, stage, own.without(finding).y, evenly))
+            better = better_than(cause, finding.gain, kinds)
             if better is not None:
                 found.append((finding, _instead(spec.output, cause, better)))
     if bodily is not None and "r" in bodily.body.measured:
-        for finding in bodily.findings:
-            cause = CAUSES[finding.number].cause
-            question = _asked_of_body(runs, bodily.body, finding.less)
-            better = better_than(cause, finding.gain, *question)
-            if better is not None:
-                found.append((finding, _instead("r", cause, better)))
+        asked = {f: weighed(*_asked_of_body(runs, bodily.body, f.less)) for f in bodily.findings}
+        for doubted in (False, True):
+            outdone = []
+            for finding, kinds in asked.items():
+                cause = CAUSES[finding.number].cause
+                better = better_than(cause, finding.gain, kinds, doubted=doubted)
+                if better is not None:
+                    outdone.append((finding, _instead("r", cause, better)))
+            if not outdone:
+                break
+            asked = {f: kinds for f, kinds in asked.items() if f not in dict(outdone)}
+            found += outdone
     return found
 
 
 def _instead(channel: str, cause: str, better: Explained) -> Unexplained:
     words = f"{better.family.words} would explain it better than {cause}"
-    on = better.family.depends_on
-    return Unexplained(channel, better.share, on, (), words, puzzling=better.share > _PUZZLING)
+    on, share = better.family.depends_on, max(better.share, 0.0)
+    return Unexplained(channel, share, on, (), words, puzzling=share > _PUZZLING)
 
 
 def _broken(label: str, channel: str, fraction: float) -> Unexplained:
@@ -85,8 +91,9 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     evenly = _evenly(runs, spec)
     white = whiten(e[None], final.colour[None])[0] * evenly
     masks = (stage.mask, stage.held_out)
-    kind = explained(*_asked(spec, stage, final.y, evenly))
-    found = _of_a_kind(spec.output, kind, e, stage.y, stage.mask)
+    causes = [stage.slots[finding.number].cause for finding in own.findings]
+    kind = explained(weighed(*_asked(spec, stage, final.y, evenly)), causes)
+    found = _of_a_kind(spec.output, kind, causes, e, stage.y, stage.mask)
     found += structure(spec.output, e * evenly, white, *masks, runs.names, stage.dt)
     for use, least in zip(masks, (LARGE, LARGE_HELD_OUT), strict=True):
         slow = slow_error(spec.output, e, white, stage.y, use, stage.dt, least)
@@ -103,16 +110,26 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
 
 
 def _of_a_kind(
-    channel: str, kind: Explained | None, e: np.ndarray, y: np.ndarray, use: np.ndarray
+    channel: str,
+    kind: Explained | None,
+    causes: Sequence[str],
+    e: np.ndarray,
+    y: np.ndarray,
+    use: np.ndarray,
 ) -> list[Unexplained]:
-    """What a kind explains of an error in a response, told as small where it is that beside it."""
+    """What a kind explains of an error in a response: told as the form of a cause that was found
+    where it is of its kind, and as small where it is that beside the response."""
     if kind is None:
         return []
     words, on = f"{kind.family.words} would explain it", kind.family.depends_on
     size = float(np.sqrt(kind.share * np.mean(e[use] ** 2))) / extent(y[use])
+    known = [c for c in causes if c in (kind.family.causes or ())]
+    if known:
+        words = f"{known[0]} has another form; {words}"
     if size < SMALL:
         words += f"; {100.0 * size:.1f} % of the response's spread"
-        return [Unexplained(channel, kind.share, on, (), words, size=size)]
+    if known or size < SMALL:
+        return [Unexplained(channel, kind.share, on, (), words, size=size, of_form=bool(known))]
     return [Unexplained(channel, kind.share, on, (), words, puzzling=kind.share > _PUZZLING)]
 
 
@@ -158,8 +175,9 @@ def _of_body(runs: Runs, found: BodySearch) -> list[Unexplained]:
     masks = (body.mask["r"], body.held_out["r"])
     e = residual(body, final, "r", masks[0] | masks[1])
     white = whiten(e[None], final.colour["r"][None])[0]
-    kind = explained(*_asked_of_body(runs, body, final))
-    left = _of_a_kind("r", kind, e, body.measured["r"], masks[0])
+    causes = [CAUSES[finding.number].cause for finding in found.findings]
+    kind = explained(weighed(*_asked_of_body(runs, body, final)), causes)
+    left = _of_a_kind("r", kind, causes, e, body.measured["r"], masks[0])
     left += structure("r", e, white, *masks, runs.names, body.dt)
     for failed in found.failed:
         if failed.finding.gain > _LOUD and failed.share > _SEEN and not failed.usual:

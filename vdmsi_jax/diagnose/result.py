@@ -122,6 +122,7 @@ class Unexplained:
         test: which test found it, in words.
         puzzling: whether it is so large that causes named beside it may only stand in for it.
         size: of a slow error, or of one that is small, of the response's spread; else infinite.
+        of_form: whether a cause that was found would explain it, were its form a freer one.
     """
 
     channel: str
@@ -131,6 +132,7 @@ class Unexplained:
     test: str = ""
     puzzling: bool = False
     size: float = math.inf
+    of_form: bool = False
 
 
 @dataclass(frozen=True)

@@ -56,7 +56,7 @@ class Evidence:
         trials = [(cause, self._trial(cause)) for cause in self._causes()]
         models = (self.runs, self.searches, self.bodily)
         left, outdone = leftover(*models), stand_ins(*models)
-        left += [u for _, u in outdone]
+        left += [u for _, u in outdone if u.fraction > 0.0]
         puzzles: dict[str, float] = {}
         for u in left:
             if u.puzzling:
@@ -87,6 +87,7 @@ class Evidence:
             for u in left
             if u.fraction > _SERIOUS
             and u.size >= SMALL
+            and not u.of_form
             and (u.puzzling or u.fraction > rounds.get(u.channel, 0.0))
         ]
         touched = {f.gain.channel for f in findings}
