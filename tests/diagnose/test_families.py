@@ -99,6 +99,11 @@ def test_noise_is_told_as_nothing(memory):
         assert judged(noise(rng, memory=memory), u, lagged(u, 0.2)) is None
 
 
+def test_an_error_of_nothing_at_all_is_told_as_nothing():
+    u = steps(np.random.default_rng(1))
+    assert judged(np.zeros_like(u), u, lagged(u, 0.2)) is None
+
+
 def test_what_a_freer_linear_plant_could_do_is_no_news():
     rng = np.random.default_rng(2)
     u = steps(rng)

@@ -270,7 +270,7 @@ def _squares(e, X, uses, dt) -> tuple[list[float], list[float]]:
     for turn in range(_ROUNDS + 1):
         colour = autoregression(np.where(mask, left, 0.0)[None], mask, order)
         white = whiten(left[None], colour)[0]
-        now = float(np.mean(white[mask] ** 2))
+        now = _power(white[mask])
         gain = np.inf if before is None else n * np.log(before / now)
         before = now
         if turn == _ROUNDS or gain < (_IDLE if turn == 1 else _SETTLED):
@@ -281,8 +281,13 @@ def _squares(e, X, uses, dt) -> tuple[list[float], list[float]]:
         normal = Z @ Z.T + _RIDGE * n * np.eye(len(X))
         target = whiten(e[None], colour)[0][mask]
         left = e - np.tensordot(np.linalg.solve(normal, Z @ target) / sizes, X, 1)
-    innovations, errors = ([float(np.mean(z[u] ** 2)) for u in uses] for z in (white, left))
+    innovations, errors = ([_power(z[u]) for u in uses] for z in (white, left))
     return innovations, errors
+
+
+def _power(z: np.ndarray) -> float:
+    """Mean square, and never nothing: a log may be its model's own simulation."""
+    return max(float(np.mean(z**2)), 1e-300)
 
 
 def _family(
