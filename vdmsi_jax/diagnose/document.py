@@ -126,7 +126,8 @@ def left_over(left: Unexplained) -> str:
     on = f", which depends on {', '.join(left.depends_on)}" if left.depends_on else ""
     when = "; ".join(f"{run} {start:g} to {stop:g} s" for run, start, stop in left.when)
     share = f"{100.0 * left.fraction:.0f} % of the residual's variance is structure"
-    return f"Unexplained in {left.channel}: {share}{on}" + (f" ({when})." if when else ".")
+    where = f"Unexplained in {left.channel}: {share}{on}" + (f" ({when})" if when else "")
+    return where + (f": {left.test}." if left.test else ".")
 
 
 def _estimate(estimate: Estimate) -> dict[str, Any]:
