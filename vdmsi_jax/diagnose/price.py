@@ -14,14 +14,18 @@ DISGUISED_COST = CAUSE_COST + PARAMETER_COST
 """Of zeros in the right half plane: an actuator that first moves the wrong way is a delay told by
 a rational function, and pays as one. Likewise a mode that the command does not move and that
 outlasts the runs: it is an offset."""
+EARLY = 2.0
+"""Samples by which a response may seem to come before its command, where stamps are uneven or what
+is measured was differenced: no cause, and yet in the model."""
 PHASE_COST = 4.0  # of what swings, in each further run
 
 
 def price(stage: Stage, h: Hypothesis) -> float:
     """What a hypothesis must gain in twice the log-likelihood to be worth its parameters; nothing
-    is worth a response that comes before its command, which refutes the delay."""
+    is worth a response that comes before its command by more than stamps of time are off."""
     slots = [stage.slots[number] for number in h.active]
-    if any(s.cause == "transport_delay" and h.theta[s.index[0]] < 0.0 for s in slots):
+    early = -EARLY * stage.dt
+    if any(s.cause == "transport_delay" and h.theta[s.index[0]] < early for s in slots):
         return math.inf
     causes = sum(CAUSE_COST + PARAMETER_COST * slot.weight for slot in slots)
     phases = 0 if h.swing is None else len(h.swing) - 1  # beyond the one that is counted

@@ -107,8 +107,8 @@ class Weighing:
 
     def _negligible(self, found: Finding) -> bool:
         """Whether it is less than a body's or a plant's own: a sensor that is late by less than
-        half a sample, tyres by less than one, a command that is early by less than one, a mode that
-        poles of the baseline tell as well; or a small gain in one channel that is none on the road.
+        half a sample, tyres by less than one, a response that is early, a mode that poles of the
+        baseline tell as well; or a small gain in one channel that is none on the road.
         """
         value, dt = next(iter(found.parameters.values())).value, self.runs.dt
         none, g = False, found.gain
@@ -117,7 +117,7 @@ class Weighing:
         elif found.cause == "tyre_relaxation":
             none = value < dt * float(np.mean(np.abs(self.runs.channel("v"))))
         elif found.cause == "transport_delay":
-            none = -dt < value < 0.0
+            none = value < 0.0
         elif found.cause == "resonance":
             damping = found.parameters["damping"].value
             none = damping > _DAMPED or (damping > _LIGHT and self.taken(g.channel) < _MUCH)
