@@ -75,15 +75,16 @@ def gains(logs: Sequence) -> Line:
             searches[spec.output] = _actuator(stage_of(runs, spec), spec, causes, kinds)
         body = body_of(runs, searches)
         if body is not None:
-            _vehicle(body, search_body(body).plain, runs.time(), causes, kinds)
+            _vehicle(runs, body, search_body(body).plain, causes, kinds)
     return {"causes": causes, "kinds": kinds}
 
 
 def _actuator(whole, spec, causes: dict, kinds: dict):
     """Adds what causes and kinds gain on an actuator; returns its plain model."""
     from vdmsi_jax.diagnose.baseline import baselines
-    from vdmsi_jax.diagnose.families import of_plant, weighed
+    from vdmsi_jax.diagnose.families import weighed
     from vdmsi_jax.diagnose.found import Search
+    from vdmsi_jax.diagnose.leftover import asked
     from vdmsi_jax.diagnose.outcome import completed
     from vdmsi_jax.diagnose.search import climbed, score
 
@@ -94,26 +95,19 @@ def _actuator(whole, spec, causes: dict, kinds: dict):
         if len(f.hypothesis.active) == 1:
             _most(causes, *_of_actuator(stage, plain, f))
     (plain,) = completed(whole, [plain])
-    t, other = (np.asarray(x) for x in (whole.signals.t, whole.signals.other))
-    names = (spec.input, spec.output)
-    linear, families = of_plant(whole.u, plain.y, other, t, names, whole.mask, whole.dt)
-    masks = (whole.mask, whole.held_out)
-    _kinds(kinds, weighed(whole.y - plain.y, linear, families, *masks, whole.dt))
+    _kinds(kinds, weighed(*asked(spec, whole, plain.y)))
     return Search(whole, plain, plain, plain, (), ())
 
 
-def _vehicle(body, plain, t: np.ndarray, causes: dict, kinds: dict) -> None:
+def _vehicle(runs, body, plain, causes: dict, kinds: dict) -> None:
     """Adds what causes and kinds gain on the body."""
-    from vdmsi_jax.diagnose.body_fit import residual
-    from vdmsi_jax.diagnose.families import of_body, weighed
+    from vdmsi_jax.diagnose.families import weighed
+    from vdmsi_jax.diagnose.leftover import asked_of_body
 
     for label, gain, price in _of_body(body, plain):
         _most(causes, label, gain, price)
     if "r" in body.measured:
-        masks = body.mask["r"], body.held_out["r"]
-        e = residual(body, plain, "r", masks[0] | masks[1])
-        linear, families = of_body(body.v, body.delta, t, masks[0], body.dt)
-        _kinds(kinds, weighed(e, linear, families, *masks, body.dt))
+        _kinds(kinds, weighed(*asked_of_body(runs, body, plain)))
 
 
 def _of_actuator(stage, plain, f) -> tuple[str, float, float]:

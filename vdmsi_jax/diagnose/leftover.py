@@ -47,22 +47,22 @@ def stand_ins(
         stage, evenly = own.stage, _evenly(runs, spec)
         for finding in own.findings:
             cause = stage.slots[finding.number].cause
-            kinds = weighed(*_asked(spec, stage, own.without(finding).y, evenly))
+            kinds = weighed(*asked(spec, stage, own.without(finding).y, evenly))
             better = better_than(cause, finding.gain, kinds)
             if better is not None:
                 found.append((finding, _instead(spec.output, cause, better)))
     if bodily is not None and "r" in bodily.body.measured:
-        asked = {f: weighed(*_asked_of_body(runs, bodily.body, f.less)) for f in bodily.findings}
+        answers = {f: weighed(*asked_of_body(runs, bodily.body, f.less)) for f in bodily.findings}
         for doubted in (False, True):
             outdone = []
-            for finding, kinds in asked.items():
+            for finding, kinds in answers.items():
                 cause = CAUSES[finding.number].cause
                 better = better_than(cause, finding.gain, kinds, doubted=doubted)
                 if better is not None:
                     outdone.append((finding, _instead("r", cause, better)))
             if not outdone:
                 break
-            asked = {f: kinds for f, kinds in asked.items() if f not in dict(outdone)}
+            answers = {f: kinds for f, kinds in answers.items() if f not in dict(outdone)}
             found += outdone
     return found
 
@@ -92,7 +92,7 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     white = whiten(e[None], final.colour[None])[0] * evenly
     masks = (stage.mask, stage.held_out)
     causes = [stage.slots[finding.number].cause for finding in own.findings]
-    kind = explained(weighed(*_asked(spec, stage, final.y, evenly)), causes)
+    kind = explained(weighed(*asked(spec, stage, final.y, evenly)), causes)
     found = _of_a_kind(spec.output, kind, causes, e, stage.y, stage.mask)
     found += structure(spec.output, e * evenly, white, *masks, runs.names, stage.dt)
     for use, least in zip(masks, (LARGE, LARGE_HELD_OUT), strict=True):
@@ -133,8 +133,11 @@ def _of_a_kind(
     return [Unexplained(channel, kind.share, on, (), words, puzzling=kind.share > _PUZZLING)]
 
 
-def _asked(spec: PlantSpec, stage: Stage, y: np.ndarray, evenly: np.ndarray | float) -> Question:
-    """What to ask the families about a plant whose model responds with `y`."""
+def asked(
+    spec: PlantSpec, stage: Stage, y: np.ndarray, evenly: np.ndarray | float = 1.0
+) -> Question:
+    """What to ask `families.weighed` about a plant whose model responds with `y`; `evenly` makes
+    its noise as large everywhere."""
     e = np.where(stage.mask | stage.held_out, stage.y - y, 0.0) * evenly
     other, t = (np.asarray(x) for x in (stage.signals.other, stage.signals.t))
     every = -(-e.size // _MANY)
@@ -147,7 +150,7 @@ def _asked(spec: PlantSpec, stage: Stage, y: np.ndarray, evenly: np.ndarray | fl
     return e, linear * weights, [f.times(weights) for f in families], mask, held_out, dt
 
 
-def _asked_of_body(runs: Runs, body: Body, fit: BodyFit) -> Question:
+def asked_of_body(runs: Runs, body: Body, fit: BodyFit) -> Question:
     """The same about the yaw rate of a body."""
     masks = (body.mask["r"], body.held_out["r"])
     e = residual(body, fit, "r", masks[0] | masks[1])
@@ -176,7 +179,7 @@ def _of_body(runs: Runs, found: BodySearch) -> list[Unexplained]:
     e = residual(body, final, "r", masks[0] | masks[1])
     white = whiten(e[None], final.colour["r"][None])[0]
     causes = [CAUSES[finding.number].cause for finding in found.findings]
-    kind = explained(weighed(*_asked_of_body(runs, body, final)), causes)
+    kind = explained(weighed(*asked_of_body(runs, body, final)), causes)
     left = _of_a_kind("r", kind, causes, e, body.measured["r"], masks[0])
     left += structure("r", e, white, *masks, runs.names, body.dt)
     for failed in found.failed:
