@@ -13,7 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import ArrayLike, Bool, Float
+from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from ..effects import AbstractEffect, Scales, Signals
 from ..models.extended_plant import acts, respond
@@ -23,9 +23,10 @@ from ..parameters import Parameter, parameters
 
 POLES = 4
 LEADS = (2 * POLES, 2 * POLES + 1)  # where those of forces stand in a vector, by 1 / pace
+PER_RUN = ("t", "v", "other", "distance")  # of the signals
 FIRST_CAUSE = LEADS[-1] + 1  # where the parameters of causes begin
 MOST_LEAD = 30.0
-_LANES = 16  # of a compiled program
+_PAIRS = 32  # of a vector and a run, that the compiled program simulates side by side
 
 
 @dataclass(frozen=True)
@@ -167,8 +168,7 @@ class Stage:
         if used.all():
             return self
         signals = self.signals
-        names = ("t", "v", "other", "distance")
-        signals = replace(signals, **{name: getattr(signals, name)[used] for name in names})
+        signals = replace(signals, **{name: getattr(signals, name)[used] for name in PER_RUN})
         parts = {name: getattr(self, name)[used] for name in ("u", "y", "mask", "held_out")}
         return replace(self, signals=signals, **parts)
 
@@ -187,16 +187,26 @@ class Stage:
         y = np.empty((len(theta), *self.u.shape))
         for stepped in (False, True):
             lanes = sequence[fine[sequence] == stepped]
-            for part in np.split(lanes, range(_LANES, len(lanes), _LANES)):
-                if part.size:
-                    y[part] = self._simulate(theta[part], np.any(on[part], axis=0), stepped)
+            if not lanes.size:
+                continue
+            groups = self._by_substeps if stepped else self._by_rows
+            plants = self._plants(theta[lanes], groups[0].h)
+            for group in groups:
+                for start in range(0, len(lanes), group.lanes):
+                    part = np.arange(start, min(start + group.lanes, len(lanes)))
+                    y[np.ix_(lanes[part], group.runs)] = group.simulate(
+                        jax.tree.map(lambda x, part=part: x[part], plants),
+                        theta[lanes[part]],
+                        np.any(on[lanes[part]], axis=0),
+                    )
         return y
 
-    def _simulate(self, theta: np.ndarray, on: np.ndarray, stepped: bool) -> np.ndarray:
-        tree, leaves, h = self._parts[stepped]
-        padded = np.concatenate([theta, np.repeat(theta[:1], _LANES - len(theta), axis=0)])
-        y = _simulate(tree, leaves, _plants(padded, self.pace, h), padded, on, self.u, self.level)
-        return np.asarray(y)[: len(theta)]
+    def _plants(self, theta: Float[np.ndarray, "L P"], h: Float[ArrayLike, ""]):
+        """The plants of vectors, with steps over `h` seconds."""
+        starts = range(0, len(theta), _PAIRS)
+        parts = [_plants(_padded(theta[k : k + _PAIRS]), self.pace, h) for k in starts]
+        whole = jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
+        return jax.tree.map(lambda leaf: leaf[: len(theta)], whole)
 
     @cached_property
     def level(self) -> Float[np.ndarray, " R"]:
@@ -205,22 +215,96 @@ class Stage:
         return np.where((self.mask | self.held_out)[:, 0], self.y[:, 0], np.nan)
 
     @cached_property
-    def _parts(self) -> tuple:
-        """Effects and signals, from row to row and at sub-steps, flat: to take modules apart at
-        each call would cost more than a small simulation."""
-        by_rows = eqx.tree_at(lambda s: s.h, self.signals, jnp.asarray(self.dt, float))
-        by_rows = replace(by_rows, substeps=1)
-        parts = []
-        for signals in (by_rows, self.signals):
-            leaves, tree = jax.tree.flatten((Unravel(self.effects), signals))
-            parts.append((tree, leaves, signals.h))
-        return tuple(parts)
+    def _by_rows(self) -> "tuple[_Group, ...]":
+        """The runs as the program takes them, from row to row."""
+        coarse = eqx.tree_at(lambda s: s.h, self.signals, jnp.asarray(self.dt, float))
+        unravel = Unravel(self.effects, by_rows=self.signals.substeps > 1)
+        return _Group.all_of(self, unravel, replace(coarse, substeps=1))
+
+    @cached_property
+    def _by_substeps(self) -> "tuple[_Group, ...]":
+        """The same at sub-steps."""
+        return _Group.all_of(self, Unravel(self.effects), self.signals)
+
+
+@dataclass(frozen=True, eq=False)
+class _Group:
+    """Runs that share a call of the program, which takes pairs of a vector and a run: so it is the
+    same for any number of runs.
+
+    Attributes:
+        runs: their numbers.
+        lanes: vectors that a call takes.
+        tree, leaves: effects and signals of the pairs, flat, since to take modules apart at each
+            call would cost more than a small simulation.
+        u, level: of the pairs.
+        h: length of a step, s.
+    """
+
+    runs: Int[np.ndarray, " G"]
+    lanes: int
+    tree: jax.tree_util.PyTreeDef
+    leaves: list
+    u: Float[Array, "pairs N"]
+    level: Float[Array, " pairs"]
+    h: Float[Array, ""]
+
+    @staticmethod
+    def all_of(stage: Stage, unravel: "Unravel", signals: Signals) -> "tuple[_Group, ...]":
+        """The runs of a stage, told these signals."""
+        every = np.arange(len(stage.u))
+        parts = [every[start : start + _PAIRS] for start in range(0, len(every), _PAIRS)]
+        return tuple(_Group.of(stage, unravel, signals, runs) for runs in parts)
+
+    @staticmethod
+    def of(
+        stage: Stage, unravel: "Unravel", signals: Signals, runs: Int[np.ndarray, " G"]
+    ) -> "_Group":
+        """Some of them."""
+        lanes = _PAIRS // len(runs)
+        pairs = _padded(np.tile(runs, lanes))
+        rows = {name: jnp.asarray(getattr(signals, name)[pairs]) for name in PER_RUN}
+        leaves, tree = jax.tree.flatten((unravel, replace(signals, **rows)))
+        u, level = jnp.asarray(stage.u[pairs]), jnp.asarray(stage.level[pairs])
+        return _Group(runs, lanes, tree, leaves, u, level, signals.h)
+
+    def simulate(
+        self, plants, theta: Float[np.ndarray, "L P"], on: Bool[np.ndarray, " effects"]
+    ) -> Float[np.ndarray, "L G N"]:
+        """The response of some vectors, no more than `lanes`, to the commands of the runs."""
+        many = len(self.runs)
+        plants, vectors = jax.tree.map(
+            lambda leaf: _padded(np.repeat(leaf, many, axis=0)), (plants, theta)
+        )
+        y = _simulate(self.tree, self.leaves, plants, vectors, on, self.u, self.level)
+        return np.asarray(y)[: len(theta) * many].reshape(len(theta), many, -1)
+
+
+def _padded(rows: np.ndarray) -> np.ndarray:
+    """As many rows as the program takes, with the first again for those that lack."""
+    return np.concatenate([rows, np.repeat(rows[:1], _PAIRS - len(rows), axis=0)])
+
+
+class _Inert(AbstractEffect):
+    """Stands for an effect that is off in every lane, so that nothing of it is compiled."""
+
+    cause = ""
+
+    def probes(self, scales: Scales) -> list[tuple[float, ...]]:
+        """None."""
+        return []
 
 
 class Unravel(eqx.Module):
-    """From the vector of a stage to its effects, whose constants travel with it."""
+    """From the vector of a stage to its effects, whose constants travel with it.
+
+    Attributes:
+        effects: all of them, with any parameters.
+        by_rows: those that act between the rows are off and left out.
+    """
 
     effects: tuple[AbstractEffect, ...]
+    by_rows: bool = eqx.field(static=True, default=False)
 
     def __call__(self, vector: Float[ArrayLike, " P"]) -> tuple[AbstractEffect, ...]:
         """The effects with the parameters in `vector`."""
@@ -231,7 +315,7 @@ class Unravel(eqx.Module):
                 new = values[at : at + old.size].reshape(old.shape)
                 at += old.size
                 effect = eqx.tree_at(lambda e, name=name: getattr(e, name), effect, new)
-            made.append(effect)
+            made.append(_Inert() if self.by_rows and effect.remembers else effect)
         return tuple(made)
 
 
@@ -262,6 +346,5 @@ def _simulate(tree, leaves, plants, theta, on, u, level):
         effects = unravel(vector[FIRST_CAUSE:])
         return respond(StateSpace(*matrices), rest, effects, u, told, on, steps, rest * before)
 
-    per_run = jax.tree.map(lambda leaf: 0 if jnp.ndim(leaf) == 2 else None, signals)
-    over_runs = jax.vmap(one, in_axes=(None, None, 0, per_run, 0))
-    return jax.vmap(over_runs, in_axes=(0, 0, None, None, None))(plants, theta, u, signals, level)
+    per_pair = jax.tree.map(lambda leaf: 0 if jnp.ndim(leaf) == 2 else None, signals)
+    return jax.vmap(one, in_axes=(0, 0, 0, per_pair, 0))(plants, theta, u, signals, level)
