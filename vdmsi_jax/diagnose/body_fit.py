@@ -92,6 +92,17 @@ def polished(body: Body, fit: BodyFit) -> BodyFit:
     return lane.finish()
 
 
+def moved(body: Body, fit: BodyFit, thetas: Float[np.ndarray, "L P"]) -> list[BodyFit]:
+    """A fit at other parameters, its colours estimated anew."""
+    fits = []
+    for theta, y in zip(thetas, _answers(body, list(thetas)), strict=True):
+        lane = Lane(body, fit.active, theta)
+        lane.y, lane.colour = y, dict(fit.colour)
+        lane.recolour()
+        fits.append(lane.finish())
+    return fits
+
+
 def _answers(body: Body, thetas: Sequence[np.ndarray]) -> list[dict[str, np.ndarray]]:
     if not thetas:
         return []
@@ -211,12 +222,6 @@ class Lane:
             slope[where] += gram[1:, 0]
             at += len(X[c])
         return normal, slope, stacks
-
-    def moved_to(self, theta: np.ndarray) -> BodyFit:
-        """The hypothesis with other parameters, its colours estimated anew."""
-        self.theta, self.y = theta, _answers(self.body, [theta])[0]
-        self.recolour()
-        return self.finish()
 
     def finish(self) -> BodyFit:
         """The fit as it stands."""

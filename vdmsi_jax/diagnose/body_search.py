@@ -12,6 +12,7 @@ from .body_fit import (
     Lane,
     bounds,
     fit_body,
+    moved,
     polished,
     refit_body,
     residual,
@@ -27,6 +28,8 @@ from .search import SWAPPED, SWAPS
 _CHANNELS_COST = 8.0
 _MOST = 7
 _REFITTED = 5  # candidates of a screen that are refitted
+_TIMES = ("delay", "time_constant", "length")
+_LATE = (0.02, 0.04, 0.08, 0.16, 0.32)  # s, that are tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,15 +154,41 @@ def score(fit: BodyFit) -> float:
 
 
 def _extended(body: Body, now: BodyFit) -> BodyFit:
-    """Causes added for as long as they are worth their price."""
+    """Causes added for as long as they are worth their price. At first, and before it ends, those
+    that act by a time are tried at several: a slope tells of a time only where it is small."""
     while len(now.active) < _MOST:
         promising = [s for s in screen_body(body, now) if s[0] > 8.0][:_REFITTED]
-        fits = refit_body(body, [(tuple(sorted({*now.active, k})), t) for _, k, t in promising])
+        fits = refit_body(body, [_with(now, k, theta) for _, k, theta in promising])
         best = max(fits, key=score, default=now)
+        if not now.active or score(best) <= score(now):
+            best = max([best, *refit_body(body, _timed(body, now))], key=score)
         if score(best) <= score(now):
             break
         now = polished(body, best)
     return now
+
+
+def _with(fit: BodyFit, number: int, theta: np.ndarray) -> tuple[tuple[int, ...], np.ndarray]:
+    """The start of a fit with one more cause."""
+    return tuple(sorted({*fit.active, number})), theta
+
+
+def _timed(body: Body, now: BodyFit) -> list[tuple[tuple[int, ...], np.ndarray]]:
+    """Each cause that acts by a time, or a length at the usual speed, at the best of several where
+    that is better than without."""
+    speed = float(np.mean(np.abs(body.v)))
+    starts = []
+    for k in body.allowed:
+        cause = CAUSES[k]
+        if k in now.active or cause.names[0] not in _TIMES:
+            continue
+        unit = speed if cause.units[0] == "m" else 1.0
+        thetas = np.repeat(now.theta[None], len(_LATE), axis=0)
+        thetas[:, body.index[k][0]] = unit * np.array(_LATE)
+        best = max(moved(body, now, thetas), key=lambda f: f.loglik)
+        if best.loglik > now.loglik:
+            starts.append(_with(now, k, best.theta))
+    return starts
 
 
 def _eliminated(body: Body, now: BodyFit) -> BodyFit:
@@ -223,7 +252,7 @@ def _findings(body: Body, now: BodyFit) -> tuple[tuple[BodyFinding, ...], BodyFi
         gain = 2 * (now.loglik - less.loglik)
         screened = screen_body(body, less)
         steps = [theta for _, k, theta in screened if k == i]
-        promised = Lane.of(body, less).moved_to(steps[0]) if steps else None
+        promised = moved(body, less, np.stack(steps[:1]))[0] if steps else None
         close = [s for s in screened if s[1] != i and s[0] > 0.3 * gain][:_REFITTED]
         fits = refit_body(body, [(tuple(sorted((*rest, k))), t) for _, k, t in close])
         tried += fits
@@ -240,7 +269,6 @@ def _findings(body: Body, now: BodyFit) -> tuple[tuple[BodyFinding, ...], BodyFi
 
 def at_fixed(found: BodySearch, number: int, value: float) -> float:
     """What a cause at a given value lacks, in twice the log-likelihood, against the final fit."""
-    lane = Lane.of(found.body, found.final)
     theta = found.final.theta.copy()
     theta[found.body.index[number][0]] = value
-    return 2.0 * (found.final.loglik - lane.moved_to(theta).loglik)
+    return 2.0 * (found.final.loglik - moved(found.body, found.final, theta[None])[0].loglik)

@@ -1,4 +1,5 @@
-"""The response of a plant to its states at the start of a run."""
+"""What a plant answers to what happened before a run: to its states at the start, and to commands
+that were on their way."""
 
 import numpy as np
 from jaxtyping import Float
@@ -19,16 +20,48 @@ def free_response(
     n = len(den) - 1
     A = np.eye(n, k=1)
     A[:, 0] -= den[1:]
-    step = _expm(A * dt)
-    found, power = np.eye(n)[:1], step
-    with np.errstate(over="ignore", invalid="ignore"):  # of what grows, which counts as nothing
+    found = _outputs(A, dt, rows)
+    basis = np.linalg.qr(found / np.maximum(np.abs(found).max(axis=0), 1e-300))[0]
+    return basis / np.abs(basis).max(axis=0)
+
+
+def on_its_way(
+    den: Float[np.ndarray, " _"],
+    num: Float[np.ndarray, " m"],
+    delay: float,
+    dt: float,
+    rows: int,
+) -> Float[np.ndarray, " rows"]:
+    """Response at the rows to a command that lies in the delay when a run begins and ends there,
+    its largest value 1.
+
+    Args:
+        den, num: of the plant, highest power first.
+        delay: more than zero, in the unit of time of the denominator.
+        dt: between rows, likewise.
+        rows: how many.
+    """
+    n = len(den) - 1
+    A = np.eye(n + 1, k=1)  # of the plant and its command, which is held
+    A[:n, 0] -= den[1:]
+    A[n - 1, n] = 0.0
+    A[n - len(num) : n, n] = num
+    step = _outputs(A, dt, rows)[:, n]
+    t = dt * np.arange(rows)
+    column = step - np.interp(t - delay, t, step, left=0.0)
+    return column / max(float(np.abs(column).max()), 1e-300)
+
+
+def _outputs(A: Float[np.ndarray, "n n"], dt: float, rows: int) -> Float[np.ndarray, "rows n"]:
+    """What the first state becomes of each, at the rows; what grows without end counts as
+    nothing."""
+    found, power = np.eye(len(A))[:1], _expm(A * dt)
+    with np.errstate(over="ignore", invalid="ignore"):
         while len(found) < rows:
             found = np.concatenate([found, found @ power])
             power = power @ power
     found = found[:rows]
-    found = np.where(np.isfinite(found) & (np.abs(found) < 1e6), found, 0.0)
-    basis = np.linalg.qr(found / np.maximum(np.abs(found).max(axis=0), 1e-300))[0]
-    return basis / np.abs(basis).max(axis=0)
+    return np.where(np.isfinite(found) & (np.abs(found) < 1e6), found, 0.0)
 
 
 def _expm(M: np.ndarray) -> np.ndarray:

@@ -17,7 +17,7 @@ from .refit import Hypothesis, Refit
 from .result import Estimate, Rival
 from .stage import LEADS, Slot
 
-_CLEAR = 2.0  # standard errors from which a drift is told as bent
+_CLEAR = 2.0  # standard errors from which a drift is told as bent, and a change as slowing
 _HALF = 0.5  # of a value, by which two that are one may differ, however uncertain they are
 
 _FORMS = {
@@ -246,6 +246,10 @@ def _renamed(cause: str, told: dict[str, Estimate]) -> dict[str, Estimate]:
     if cause == "gain_drift":
         bend = told["bend"]
         return told if abs(bend.value) > _CLEAR * bend.std else {"rate": told["rate"]}
+    if cause == "regime_change":
+        slowing = told["slowing"]
+        sure = abs(slowing.value) > _CLEAR * slowing.std
+        return told if sure else {name: told[name] for name in ("time", "gain")}
     if cause == "coulomb_friction":
         level, more = told["level"], told["breakaway"]
         if more.value <= 0.0:

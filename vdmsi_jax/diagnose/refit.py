@@ -16,8 +16,8 @@ from jaxtyping import Float
 
 from . import swing
 from .colour import autoregression, filter_length, whiten
-from .free_response import free_response
-from .stage import LEADS, POLES, Stage
+from .free_response import free_response, on_its_way
+from .stage import LEADS, POLES, Slot, Stage
 
 _STEP = 1e-4  # of a parameter's usual size, for differences
 _SETTLED = 0.05  # gain of twice the log-likelihood by a step after which a lane rests
@@ -207,12 +207,24 @@ def usable(stage: Stage) -> np.ndarray:
 
 
 def _states(stage: Stage, h: Hypothesis) -> np.ndarray:
-    """Response at the rows to each state at the first row, and to a swing of each phase."""
-    rows = free_response(h.den, stage.pace * stage.dt, stage.u.shape[1])
+    """Response at the rows to each state at the first row, to what was on its way then, and to a
+    swing of each phase."""
+    dt, many = stage.pace * stage.dt, stage.u.shape[1]
+    rows = free_response(h.den, dt, many)
+    delay = max((h.theta[slot.index[0]] for slot in _delays(stage, h)), default=0.0)
+    if delay > 0.0:
+        waits = on_its_way(h.den, h.num, stage.pace * delay, dt, many)
+        rows = np.concatenate([rows, waits[:, None]], axis=1)
     frequency = h.frequency(stage)
     if frequency is None:
         return rows
     return np.concatenate([rows, swing.columns(stage, frequency).T], axis=1)
+
+
+def _delays(stage: Stage, h: Hypothesis) -> list[Slot]:
+    """The delays that are on."""
+    slots = (stage.slots[number] for number in h.active)
+    return [slot for slot in slots if slot.cause == "transport_delay"]
 
 
 def bounded(stage: Stage, y: np.ndarray) -> np.ndarray:

@@ -218,27 +218,40 @@ def scanned(stage: Stage, at: Refit) -> list[Hypothesis]:
     that explain the response itself best: their likelihood has many maxima, and in innovations a
     change of gain shows only when the command moves."""
     h, made = at.hypothesis, []
-    base = stage.simulate(h.theta[None])[0][stage.mask]
-    times = np.linspace(0.05, 0.95, _TIMES) * stage.scales.duration
-    sizes = _steps(stage.scales)
     for number in stage.allowed:
         slot = stage.slots[number]
-        if slot.cause not in ("regime_change", "quantization"):
-            continue
-        jumps, i = slot.cause == "regime_change", slot.index[0]
-        values = times if jumps else sizes
-        thetas = np.repeat(h.theta[None], len(values), axis=0)
-        thetas[:, i] = values
-        if jumps:
-            thetas[:, slot.index[1]] = _CHANGE
-        rows = stage.simulate(thetas)[:, stage.mask]
-        rows = [[base, row - base] if jumps else [row] for row in rows]
-        errors, shares = _fitted(stage, rows)
+        if slot.cause == "regime_change":
+            made += _changed(stage, h, number)
+        if slot.cause == "quantization":
+            thetas = np.repeat(h.theta[None], len(sizes := _steps(stage.scales)), axis=0)
+            thetas[:, slot.index[0]] = sizes
+            errors, shares = _fitted(stage, [[y] for y in stage.simulate(thetas)[:, stage.mask]])
+            for k in np.argsort(errors)[:2]:
+                thetas[k][POLES : 2 * POLES] *= shares[k][0]
+                made.append(Hypothesis(h.poles, h.zeros, (number,), thetas[k]))
+    return made
+
+
+def _changed(stage: Stage, h: Hypothesis, number: int) -> list[Hypothesis]:
+    """A plant with a change of gain, alone and with a lag, at the moments that explain most."""
+    slot = stage.slots[number]
+    time, gain, slowing = slot.index
+    times = np.linspace(0.05, 0.95, _TIMES) * stage.scales.duration
+    lag = _CHANGE * stage.scales.time_constant
+    thetas = np.repeat(h.theta[None], 2 * _TIMES, axis=0)
+    thetas[:, time], thetas[:, gain] = np.tile(times, 2), _CHANGE
+    thetas[_TIMES:, slowing] = lag
+    y = stage.simulate(np.concatenate([h.theta[None], thetas]))[:, stage.mask]
+    base, changed, slowed = y[0], y[1 : 1 + _TIMES], y[1 + _TIMES :]
+    made = []
+    for lags in (False, True):
+        rows = [[base, a - base, b - a] for a, b in zip(changed, slowed, strict=True)]
+        errors, shares = _fitted(stage, rows if lags else [row[:2] for row in rows])
         for k in np.argsort(errors)[:2]:
-            theta = thetas[k]
-            theta[POLES : 2 * POLES] *= shares[k][0]
-            if jumps:
-                theta[slot.index[1]] = max(_CHANGE * shares[k][1] / shares[k][0], -0.9)
+            theta, whole = thetas[k].copy(), shares[k][0]
+            theta[POLES : 2 * POLES] *= whole
+            theta[gain] = max(_CHANGE * shares[k][1] / whole, -0.9)
+            theta[slowing] = lag * shares[k][2] / whole if lags else 0.0
             made.append(Hypothesis(h.poles, h.zeros, (number,), theta))
     return made
 
