@@ -5,7 +5,7 @@ import pytest
 
 import vdmsi_jax as vj
 from vdmsi_jax.data.segment import Segment
-from vdmsi_jax.diagnose.free_response import free_response
+from vdmsi_jax.diagnose.free_response import free_response, on_its_way
 
 DT, ROWS, FINE = 0.02, 1500, 20
 
@@ -14,6 +14,7 @@ def driven(
     seed: int,
     *,
     delay: float = 0.0,
+    awake: bool = False,
     swing: float = 0.0,
     ramps: tuple[float, float] = (np.inf, np.inf),
     friction: float = 0.0,
@@ -21,13 +22,15 @@ def driven(
 ):
     """Three logs of a damped servo of 2 Hz behind a lag, the command late by `delay` seconds and
     ramped upward and downward, the servo with dry friction, in units of the command; a sine of 1.3
-    Hz that begins each run anywhere is added to the response."""
+    Hz that begins each run anywhere is added to the response. It is at rest under the first command
+    when a log begins, or, `awake`, at zero with that command on its way."""
     rng = np.random.default_rng(seed)
     made = []
     for run in range(3):
         u = np.repeat(rng.uniform(-1.0, 1.0, ROWS // 30), 30)
         late = np.concatenate([np.full(round(delay * 1000), u[0]), np.repeat(u, FINE)])
-        x, v, lagged, ramped, y = u[0], 0.0, u[0], u[0], []
+        x = lagged = ramped = 0.0 if awake else u[0]
+        v, y = 0.0, []
         natural, h = 2.0 * np.pi * 2.0, 0.001
         for k, command in enumerate(late[: ROWS * FINE]):
             if k % FINE == 0:
@@ -60,6 +63,13 @@ def test_a_delay_is_not_told_by_zeros_in_the_right_half_plane():
     assert [f.cause for f in found.findings] == ["transport_delay"]
     delay = found.findings[0].parameters["delay"]
     assert delay.value == pytest.approx(0.15, abs=max(3.0 * delay.std, 0.01))
+
+
+def test_a_delay_is_told_where_a_command_was_on_its_way_when_the_log_began():
+    found = vj.diagnose(driven(8, delay=0.4, awake=True))
+    assert [f.cause for f in found.findings] == ["transport_delay"]
+    assert found.findings[0].parameters["delay"].value == pytest.approx(0.4, abs=0.005)
+    assert found.extended["y"].fit > 97.0
 
 
 def test_a_servo_and_its_lag_are_no_delay():
@@ -106,6 +116,25 @@ def test_a_pole_that_is_too_fast_to_see_changes_no_free_response():
         shares = np.linalg.lstsq(fast[1:], column[1:], rcond=None)[0]
         assert np.allclose(fast[1:] @ shares, column[1:], atol=1e-6)
         assert np.abs(shares).max() < 5.0
+
+
+def test_what_is_on_its_way_is_answered_until_it_has_passed():
+    den, num, delay, dt, rows = (
+        np.poly([-2.0, -1.5 + 3.0j, -1.5 - 3.0j]),
+        [0.5, 2.0],
+        0.237,
+        0.02,
+        300,
+    )
+    fine = 20_000 * dt
+    x, y = np.zeros(3), []
+    for k in range(round(rows * fine)):
+        if k % fine == 0:
+            y.append(num[0] * x[1] + num[1] * x[0])
+        u = 1.0 if k < delay / dt * fine else 0.0
+        x = x + dt / fine * np.array([x[1], x[2], u - np.real(den[:0:-1]) @ x])
+    y = np.array(y) / np.abs(y).max()
+    assert np.allclose(on_its_way(np.real(den), np.array(num), delay, dt, rows), y, atol=5e-3)
 
 
 def test_logs_that_begin_in_motion_do_not_cost_a_plant_its_poles():

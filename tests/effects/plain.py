@@ -200,10 +200,15 @@ def warming(rate: float, seconds: float) -> Cause:
     return Cause(rows=lambda u, d: (1.0 - rate * seconds * np.expm1(-d.t / seconds)) * u)
 
 
-def new_gain(time: float, gain: float) -> Cause:
+def new_gain(time: float, gain: float, slowing: float = 0.0) -> Cause:
     def jump(u, d):
         after = d.t[0] + MS * np.arange(len(u)) >= time
-        return np.where(after, (1.0 + gain) * u, u)
+        out = np.where(after, (1.0 + gain) * u, u)
+        if slowing:
+            at = float(out[np.argmax(after)])
+            for k in np.flatnonzero(after):
+                out[k] = at = at + MS / slowing * (out[k] - at)
+        return out
 
     return Cause(held=jump)
 

@@ -102,6 +102,12 @@ CASES = {
             lambda out: slope(np.gradient(out, WAY), KAPPA - out), tolerance=SMALL_STEPS,
         )
     ],
+    "YawInertia": [
+        Case(
+            (0.006,), "relaxed", KAPPA, (V, H), lambda: lagged(KAPPA, H / (0.006 * V)),
+            lambda out: slope(V * np.gradient(out, T), KAPPA - out), tolerance=SMALL_STEPS,
+        )
+    ],
     "SensorLag": [
         Case(
             (0.09,), "sensor", DELTA, (at_rows(),), lambda: lagged(DELTA, np.full(N, H / 0.09)),

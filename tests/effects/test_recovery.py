@@ -78,7 +78,10 @@ CASES = {
     "GainAsymmetry command": Case(plain.two_gains(0.27), (0.27,)),
     "GainDrift": Case(plain.drift(0.011), (0.011, 0.0), within=(0.06, 0.01)),
     "GainDrift, that fades": Case(plain.warming(0.04, 7.0), (0.04, 1 / 7.0), within=(0.06, 0.1)),
-    "RegimeChange": Case(plain.new_gain(9.83, -0.23), (9.83, -0.23)),
+    "RegimeChange": Case(plain.new_gain(9.83, -0.23), (9.83, -0.23, 0.0), within=(WITHIN,) * 3),
+    "RegimeChange, that slows": Case(
+        plain.new_gain(9.83, -0.23, 0.12), (9.83, -0.23, 0.12), within=(WITHIN, WITHIN, 0.1)
+    ),
     "Quantization": Case(plain.stepped(0.37), (0.37,), screened=True),
     "DeadZone": Case(plain.dead_zone(0.46), (0.46,), second_order=True),
     "Saturation command": Case(plain.command_limits(1.9, -2.3), (1 / 1.9, 1 / 2.3)),

@@ -18,13 +18,14 @@ WORDS = set(
     """.split()
 )
 """The table of the contract."""
+OURS = {"yaw_inertia"}  # words of the project's own
 
 every_effect = pytest.mark.parametrize("effect", REGISTRY, ids=label)
 every_bench = pytest.mark.parametrize("bench", benches(), ids=lambda bench: bench.name)
 
 
-def test_every_word_of_the_contract_has_an_effect_and_every_effect_such_a_word():
-    assert {effect.cause for effect in REGISTRY} == WORDS
+def test_every_word_has_an_effect_and_every_effect_such_a_word():
+    assert {effect.cause for effect in REGISTRY} == WORDS | OURS
 
 
 def test_no_cause_is_registered_twice_in_one_form():

@@ -60,6 +60,7 @@ CAUSES = (
     BodyCause("geometry_scale", "vehicle", None, ("scale",), ("1",), -0.9),
     BodyCause("understeer", "vehicle", None, ("gradient",), ("s^2/m^2",)),
     BodyCause("tyre_relaxation", "vehicle", None, ("length",), ("m",), 0.0),
+    BodyCause("yaw_inertia", "vehicle", None, ("lag",), ("s^2/m",), 0.0, weight=2.0),
     BodyCause("sensor_lag", "sensor", "r", ("time_constant",), ("s",), 0.0),
     BodyCause("sensor_delay", "sensor", "r", ("delay",), ("s",), 0.0),
     BodyCause("sensor_bias", "sensor", "r", ("bias",), ("rad/s",)),

@@ -28,7 +28,7 @@ from .search import SWAPPED, SWAPS
 _CHANNELS_COST = 8.0
 _MOST = 7
 _REFITTED = 5  # candidates of a screen that are refitted
-_TIMES = ("delay", "time_constant", "length")
+_TIMES = ("delay", "time_constant", "length", "lag")
 _LATE = (0.02, 0.04, 0.08, 0.16, 0.32)  # s, that are tried
 
 
@@ -108,6 +108,8 @@ def search_body(body: Body) -> BodySearch:
 def _usual(body: Body, fit: BodyFit, number: int) -> bool:
     """Whether a cause is a lag that every vehicle has, by tyres and body."""
     cause, value = CAUSES[number].cause, float(fit.theta[body.index[number][0]])
+    if cause == "yaw_inertia":
+        return True
     if cause == "tyre_relaxation":
         value /= max(float(np.mean(np.abs(body.v))), 1e-9)
     elif cause not in ("sensor_lag", "sensor_delay"):
@@ -174,15 +176,15 @@ def _with(fit: BodyFit, number: int, theta: np.ndarray) -> tuple[tuple[int, ...]
 
 
 def _timed(body: Body, now: BodyFit) -> list[tuple[tuple[int, ...], np.ndarray]]:
-    """Each cause that acts by a time, or a length at the usual speed, at the best of several where
-    that is better than without."""
+    """Each cause that acts by a time, or by what is one at the usual speed, at the best of several
+    where that is better than without."""
     speed = float(np.mean(np.abs(body.v)))
     starts = []
     for k in body.allowed:
         cause = CAUSES[k]
         if k in now.active or cause.names[0] not in _TIMES:
             continue
-        unit = speed if cause.units[0] == "m" else 1.0
+        unit = {"m": speed, "s^2/m": 1.0 / max(speed, 1e-9)}.get(cause.units[0], 1.0)
         thetas = np.repeat(now.theta[None], len(_LATE), axis=0)
         thetas[:, body.index[k][0]] = unit * np.array(_LATE)
         best = max(moved(body, now, thetas), key=lambda f: f.loglik)

@@ -40,7 +40,7 @@ _CURVED = (
 _PACED = ("rate_limit", "gain_asymmetry")
 _AGING = ("gain_drift", "regime_change", "offset", "periodic_disturbance", "road_grade")
 _CROSSED = ("cross_coupling", "speed_dependent_gain")
-_LATE = ("sensor_lag", "sensor_delay", "tyre_relaxation")
+_LATE = ("sensor_lag", "sensor_delay", "tyre_relaxation", "yaw_inertia")
 
 
 @dataclass(frozen=True, eq=False)

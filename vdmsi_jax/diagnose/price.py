@@ -17,15 +17,20 @@ outlasts the runs: it is an offset."""
 EARLY = 2.0
 """Samples by which a response may seem to come before its command, where stamps are uneven or what
 is measured was differenced: no cause, and yet in the model."""
+CHANGE = 0.02
+"""Of a gain, below which it does not change."""
 PHASE_COST = 4.0  # of what swings, in each further run
 
 
 def price(stage: Stage, h: Hypothesis) -> float:
     """What a hypothesis must gain in twice the log-likelihood to be worth its parameters; nothing
-    is worth a response that comes before its command by more than stamps of time are off."""
+    is worth a response that comes before its command by more than stamps of time are off, nor a
+    change of gain that is none: the lag that comes with it would be one pole more of the plant."""
     slots = [stage.slots[number] for number in h.active]
     early = -EARLY * stage.dt
     if any(s.cause == "transport_delay" and h.theta[s.index[0]] < early for s in slots):
+        return math.inf
+    if any(s.cause == "regime_change" and abs(h.theta[s.index[1]]) < CHANGE for s in slots):
         return math.inf
     causes = sum(CAUSE_COST + PARAMETER_COST * slot.weight for slot in slots)
     phases = 0 if h.swing is None else len(h.swing) - 1  # beyond the one that is counted

@@ -344,4 +344,5 @@ _BODILY = {
     "sensor_lag": "a steering chirp of 0.1 to 6 Hz",
     "sensor_delay": "a steering chirp of 0.1 to 6 Hz",
     "tyre_relaxation": "a steering chirp of 0.1 to 6 Hz at two speeds",
+    "yaw_inertia": "a steering chirp of 0.1 to 6 Hz at two speeds",
 }

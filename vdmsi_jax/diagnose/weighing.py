@@ -24,6 +24,7 @@ _WEAK, _STRONG = 0.05, 0.5  # shares: below the first beside one above the secon
 _DOUBTFUL = 0.05  # share of a cause that makes the path no better, below which it is minor
 _CLEAR, _FEW = 2.0, 3  # standard errors, below which a parameter may be nothing; of so many
 _PUZZLE = 0.1  # share of the error without a cause that must puzzle beside it, to doubt its name
+_TURNS = 0.1  # s, below which a body's lag by its inertia is every vehicle's
 _DAMPED = 0.24  # ratio, from which a mode is rather two poles that the plant lacks
 _LIGHT, _MUCH = 0.15, 0.3  # ratio, and gain over the baseline, that a mode with more damping needs
 
@@ -72,7 +73,10 @@ class Weighing:
         small = share < MINOR or (beside and not leads)
         small = small or not trial.believed(share, puzzle * (1.0 - share) > _PUZZLE)
         imitated = trial.gain.typical <= 0.0 and self._imitated(cause, trial.gain)
-        vague = share < _STRONG and _vague(cause, found)
+        apart = (
+            cause.cause == "transport_delay"
+        )  # whose share is told against a plant without zeros
+        vague = (share < _STRONG or apart) and _vague(cause, found)
         return small or imitated or vague or self._negligible(found)
 
     def _told_by(self, cause: Named, gain: Gain) -> bool:
@@ -107,7 +111,8 @@ class Weighing:
 
     def _negligible(self, found: Finding) -> bool:
         """Whether it is less than a body's or a plant's own: a sensor that is late by less than
-        half a sample, tyres by less than one, a response that is early, a mode that poles of the
+        half a sample, tyres by less than one, a body that turns with its tyres, a response that is
+        early, a mode that poles of the
         baseline tell as well; or a small gain in one channel that is none on the road.
         """
         value, dt = next(iter(found.parameters.values())).value, self.runs.dt
@@ -116,6 +121,8 @@ class Weighing:
             none = abs(value) < 0.5 * dt
         elif found.cause == "tyre_relaxation":
             none = value < dt * float(np.mean(np.abs(self.runs.channel("v"))))
+        elif found.cause == "yaw_inertia":
+            none = value * float(np.mean(np.abs(self.runs.channel("v")))) < _TURNS
         elif found.cause == "transport_delay":
             none = value < 0.0
         elif found.cause == "resonance":

@@ -29,6 +29,7 @@ from vdmsi_jax.effects.speed_scale import SpeedScale
 from vdmsi_jax.effects.transport_delay import TransportDelay
 from vdmsi_jax.effects.tyre_relaxation import TyreRelaxation
 from vdmsi_jax.effects.understeer import Understeer
+from vdmsi_jax.effects.yaw_inertia import YawInertia
 
 ACTUATOR: tuple[AbstractEffect, ...] = (
     GainNonlinearity(),
@@ -70,6 +71,7 @@ VEHICLE: tuple[AbstractEffect, ...] = (
     GeometryScale(),
     Understeer(),
     TyreRelaxation(),
+    YawInertia(),
 )
 """Every cause that the body and the road may have, off, in the order in which they act."""
 

@@ -1,0 +1,54 @@
+"""Causes of the body, from speeds and angles as they are and yaw rates made by plain NumPy."""
+
+import numpy as np
+import pytest
+
+from vdmsi_jax.diagnose.body import CAUSES, Body
+from vdmsi_jax.diagnose.body_search import search_body
+from vdmsi_jax.models.bicycle import Bicycle
+
+DT, ROWS, FINE = 0.02, 2500, 20
+
+
+def turning(seed: int, *, late: float = 0.0, inertia: float = 0.0) -> Body:
+    """Two runs whose speed and angle swing; the yaw rate is told `late` seconds after it was, and
+    follows with a time constant of `inertia` seconds per m/s."""
+    rng = np.random.default_rng(seed)
+    t = DT / FINE * np.arange(ROWS * FINE)
+    v, delta, r = [], [], []
+    for run in range(2):
+        speed = 8.0 + 4.0 * np.sin(2.0 * np.pi * t / 31.0 + run)
+        angle = 0.08 * np.sin(2.0 * np.pi * (0.1 + 0.03 * t) * t + rng.uniform(0.0, 6.28))
+        goal, at, turned = speed * np.tan(angle) / 2.7, 0.0, np.empty(len(t))
+        for k in range(len(t)):
+            lag = max(inertia * speed[k], 1e-4)
+            turned[k] = at = at + (1.0 - np.exp(-DT / FINE / lag)) * (goal[k] - at)
+        seen = np.interp(t - late, t, turned)[::FINE] + 0.01 * rng.standard_normal(ROWS)
+        v, delta, r = [*v, speed[::FINE]], [*delta, angle[::FINE]], [*r, seen]
+    zero, here = np.zeros((2, ROWS)), {"r": np.ones((2, ROWS), bool)}
+    nowhere = {"r": np.zeros((2, ROWS), bool)}
+    bicycle = Bicycle(1.2, 1.5)
+    return Body(
+        np.array(v), np.array(delta), zero, zero, {"r": np.array(r)}, here, nowhere, bicycle, DT
+    )
+
+
+def found_in(body: Body) -> dict[str, float]:
+    """Causes and their values."""
+    found = search_body(body)
+    return {
+        CAUSES[f.number].cause: float(found.final.theta[body.index[f.number][0]])
+        for f in found.findings
+    }
+
+
+def test_a_yaw_rate_that_is_far_too_late_is_found_though_no_small_step_leads_there():
+    found = found_in(turning(1, late=0.12))
+    assert set(found) == {"sensor_delay"}
+    assert found["sensor_delay"] == pytest.approx(0.12, abs=0.01)
+
+
+def test_a_body_that_is_slow_where_it_is_fast_has_inertia():
+    found = found_in(turning(2, inertia=0.006))
+    assert set(found) == {"yaw_inertia"}
+    assert found["yaw_inertia"] == pytest.approx(0.006, rel=0.15)
