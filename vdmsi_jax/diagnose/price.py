@@ -20,6 +20,7 @@ is measured was differenced: no cause, and yet in the model."""
 CHANGE = 0.02
 """Of a gain, below which it does not change."""
 PHASE_COST = 4.0  # of what swings, in each further run
+WAIT_COST = 2.0  # of what was on its way, in each run
 
 
 def price(stage: Stage, h: Hypothesis) -> float:
@@ -34,7 +35,8 @@ def price(stage: Stage, h: Hypothesis) -> float:
         return math.inf
     causes = sum(CAUSE_COST + PARAMETER_COST * slot.weight for slot in slots)
     phases = 0 if h.swing is None else len(h.swing) - 1  # beyond the one that is counted
-    return _plant_price(stage, h) + PHASE_COST * phases + causes
+    waits = len(stage.u) if any(s.cause == "transport_delay" for s in slots) else 0
+    return _plant_price(stage, h) + PHASE_COST * phases + WAIT_COST * waits + causes
 
 
 def _plant_price(stage: Stage, h: Hypothesis) -> float:
