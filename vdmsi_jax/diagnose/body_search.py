@@ -29,7 +29,7 @@ _CHANNELS_COST = 8.0
 _MOST = 7
 _REFITTED = 5  # candidates of a screen that are refitted
 _TIMES = ("delay", "time_constant", "length", "lag")
-_LATE = (0.02, 0.04, 0.08, 0.16, 0.32)  # s, that are tried
+_LATE = (0.03, 0.07, 0.15, 0.32)  # s, that are tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,8 +85,8 @@ def price(active: Sequence[int]) -> float:
 def search_body(body: Body) -> BodySearch:
     """Find the causes that the body's channels support, as the actuators' search does."""
     plain = now = polished(body, fit_body(body, [()])[0])
-    for _ in range(SWAPS):
-        now = _eliminated(body, _extended(body, now))
+    for k in range(SWAPS):
+        now = _eliminated(body, _extended(body, now, timed=k == 0))
         findings, other = _findings(body, now)
         if other is None or score(other) < score(now) + SWAPPED:
             break
@@ -155,14 +155,15 @@ def score(fit: BodyFit) -> float:
     return 2.0 * fit.loglik - price(fit.active)
 
 
-def _extended(body: Body, now: BodyFit) -> BodyFit:
-    """Causes added for as long as they are worth their price. At first, and before it ends, those
-    that act by a time are tried at several: a slope tells of a time only where it is small."""
+def _extended(body: Body, now: BodyFit, timed: bool) -> BodyFit:
+    """Causes added for as long as they are worth their price. If `timed`, those that act by a time
+    are tried at several, at first and before it ends: a slope tells of a time only where it is
+    small."""
     while len(now.active) < _MOST:
         promising = [s for s in screen_body(body, now) if s[0] > 8.0][:_REFITTED]
         fits = refit_body(body, [_with(now, k, theta) for _, k, theta in promising])
         best = max(fits, key=score, default=now)
-        if not now.active or score(best) <= score(now):
+        if timed and (not now.active or score(best) <= score(now)):
             best = max([best, *refit_body(body, _timed(body, now))], key=score)
         if score(best) <= score(now):
             break
