@@ -19,7 +19,7 @@ class RegimeChange(AbstractEffect):
 
     time: Float[Array, ""] = parameter("s", "when, from the start of the run")
     gain: Float[Array, ""] = parameter("1", "gain after over gain before, minus 1", lower=-1.0)
-    slowing: Float[Array, ""] = parameter("s", "time constant that is added; a lead if negative")
+    slowing: Float[Array, ""] = parameter("s", "time constant that is added", lower=0.0)
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
         return [
