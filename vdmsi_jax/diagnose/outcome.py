@@ -13,7 +13,6 @@ from .refit import (
     Hypothesis,
     Lane,
     Refit,
-    inverse,
     project,
     pulled,
     repaint,
@@ -25,7 +24,7 @@ from .refit import (
     with_states,
 )
 from .stage import Stage
-from .windows import block_sums, widening
+from .windows import block_sums, inverse, widening
 
 _BAI = 11.03 / 1.96
 """From what a row moves the likelihood to standard errors of a jump's moment: the interval of 95 %

@@ -17,7 +17,8 @@ from jaxtyping import Float
 from . import swing
 from .colour import autoregression, filter_length, whiten
 from .free_response import free_response, on_its_way
-from .stage import LEADS, POLES, Slot, Stage
+from .stage import LEADS, POLES, Stage
+from .windows import inverse
 
 _STEP = 1e-4  # of a parameter's usual size, for differences
 _SETTLED = 0.05  # gain of twice the log-likelihood by a step after which a lane rests
@@ -211,7 +212,8 @@ def _states(stage: Stage, h: Hypothesis) -> np.ndarray:
     swing of each phase."""
     dt, many = stage.pace * stage.dt, stage.u.shape[1]
     rows = free_response(h.den, dt, many)
-    delay = max((h.theta[slot.index[0]] for slot in _delays(stage, h)), default=0.0)
+    slots = (stage.slots[number] for number in h.active)
+    delay = max((h.theta[s.index[0]] for s in slots if s.cause == "transport_delay"), default=0.0)
     if delay > 0.0:
         waits = on_its_way(h.den, h.num, stage.pace * delay, dt, many)
         rows = np.concatenate([rows, waits[:, None]], axis=1)
@@ -219,12 +221,6 @@ def _states(stage: Stage, h: Hypothesis) -> np.ndarray:
     if frequency is None:
         return rows
     return np.concatenate([rows, swing.columns(stage, frequency).T], axis=1)
-
-
-def _delays(stage: Stage, h: Hypothesis) -> list[Slot]:
-    """The delays that are on."""
-    slots = (stage.slots[number] for number in h.active)
-    return [slot for slot in slots if slot.cause == "transport_delay"]
 
 
 def bounded(stage: Stage, y: np.ndarray) -> np.ndarray:
@@ -427,14 +423,6 @@ def _free_states(stage: Stage, lane: Lane, counted: np.ndarray) -> Float[np.ndar
         f = lane.white_states * use
         found.append(np.linalg.solve(f @ f.T + prior, f @ lane.white_error[r]))
     return np.stack(found)
-
-
-def inverse(normal: np.ndarray) -> np.ndarray:
-    """Inverse of the normal equations; a parameter without effect gets a huge variance."""
-    own = np.diag(normal)
-    scale = np.sqrt(np.maximum(own, 1e-30 * max(float(own.max(initial=0.0)), 1e-100)))
-    unit = normal / np.outer(scale, scale) + 1e-12 * np.eye(len(scale))
-    return np.linalg.inv(unit) / np.outer(scale, scale)
 
 
 def _finish(stage: Stage, lanes: list[Lane], counted: np.ndarray) -> list[Refit]:

@@ -8,6 +8,7 @@ the same program.
 
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -243,7 +244,7 @@ class _Group:
 
     runs: Int[np.ndarray, " G"]
     lanes: int
-    tree: jax.tree_util.PyTreeDef
+    tree: Any
     leaves: list
     u: Float[Array, "pairs N"]
     level: Float[Array, " pairs"]

@@ -1,4 +1,4 @@
-"""Means and sums over stretches of time: what is slow in a signal, and how steady a gain is."""
+"""Means and sums over stretches of time, and what they tell of how sure parameters are."""
 
 import numpy as np
 from jaxtyping import Float
@@ -46,3 +46,11 @@ def widening(
         return np.ones(len(scores))
     spread = np.diag(covariance @ (scores @ scores.T) @ covariance)
     return np.sqrt(np.maximum(spread / np.maximum(np.diag(covariance), 1e-300), 1.0))
+
+
+def inverse(normal: np.ndarray) -> np.ndarray:
+    """Inverse of the normal equations; a parameter without effect gets a huge variance."""
+    own = np.diag(normal)
+    scale = np.sqrt(np.maximum(own, 1e-30 * max(float(own.max(initial=0.0)), 1e-100)))
+    unit = normal / np.outer(scale, scale) + 1e-12 * np.eye(len(scale))
+    return np.linalg.inv(unit) / np.outer(scale, scale)
