@@ -119,22 +119,17 @@ def test_a_pole_that_is_too_fast_to_see_changes_no_free_response():
 
 
 def test_what_is_on_its_way_is_answered_until_it_has_passed():
-    den, num, delay, dt, rows = (
-        np.poly([-2.0, -1.5 + 3.0j, -1.5 - 3.0j]),
-        [0.5, 2.0],
-        0.237,
-        0.02,
-        300,
-    )
+    den, num = np.real(np.poly([-2.0, -1.5 + 3.0j, -1.5 - 3.0j])), np.array([0.5, 2.0])
+    delay, dt, rows = 0.237, 0.02, 300
     fine = 20_000 * dt
     x, y = np.zeros(3), []
     for k in range(round(rows * fine)):
         if k % fine == 0:
             y.append(num[0] * x[1] + num[1] * x[0])
         u = 1.0 if k < delay / dt * fine else 0.0
-        x = x + dt / fine * np.array([x[1], x[2], u - np.real(den[:0:-1]) @ x])
+        x = x + dt / fine * np.array([x[1], x[2], u - den[:0:-1] @ x])
     y = np.array(y) / np.abs(y).max()
-    assert np.allclose(on_its_way(np.real(den), np.array(num), delay, dt, rows), y, atol=5e-3)
+    assert np.allclose(on_its_way(den, num, delay, dt, rows), y, atol=5e-3)
 
 
 def test_logs_that_begin_in_motion_do_not_cost_a_plant_its_poles():

@@ -107,14 +107,16 @@ def search_body(body: Body) -> BodySearch:
 
 def _usual(body: Body, fit: BodyFit, number: int) -> bool:
     """Whether a cause is a lag that every vehicle has, by tyres and body."""
-    cause, value = CAUSES[number].cause, float(fit.theta[body.index[number][0]])
-    if cause == "yaw_inertia":
-        return True
-    if cause == "tyre_relaxation":
-        value /= max(float(np.mean(np.abs(body.v))), 1e-9)
-    elif cause not in ("sensor_lag", "sensor_delay"):
+    if CAUSES[number].names[0] not in _TIMES:
         return False
-    return value < max(NUISANCE["lag"][1], body.dt)
+    late = float(fit.theta[body.index[number][0]]) * _seconds(body, number)
+    return CAUSES[number].cause == "yaw_inertia" or late < max(NUISANCE["lag"][1], body.dt)
+
+
+def _seconds(body: Body, number: int) -> float:
+    """The time that a unit of a cause is worth at the usual speed, where it acts by one."""
+    speed = max(float(np.mean(np.abs(body.v))), 1e-9)
+    return {"m": 1.0 / speed, "s^2/m": speed}.get(CAUSES[number].units[0], 1.0)
 
 
 def chained(
@@ -179,15 +181,12 @@ def _with(fit: BodyFit, number: int, theta: np.ndarray) -> tuple[tuple[int, ...]
 def _timed(body: Body, now: BodyFit) -> list[tuple[tuple[int, ...], np.ndarray]]:
     """Each cause that acts by a time, or by what is one at the usual speed, at the best of several
     where that is better than without."""
-    speed = float(np.mean(np.abs(body.v)))
     starts = []
     for k in body.allowed:
-        cause = CAUSES[k]
-        if k in now.active or cause.names[0] not in _TIMES:
+        if k in now.active or CAUSES[k].names[0] not in _TIMES:
             continue
-        unit = {"m": speed, "s^2/m": 1.0 / max(speed, 1e-9)}.get(cause.units[0], 1.0)
         thetas = np.repeat(now.theta[None], len(_LATE), axis=0)
-        thetas[:, body.index[k][0]] = unit * np.array(_LATE)
+        thetas[:, body.index[k][0]] = np.array(_LATE) / _seconds(body, k)
         best = max(moved(body, now, thetas), key=lambda f: f.loglik)
         if best.loglik > now.loglik:
             starts.append(_with(now, k, best.theta))
@@ -257,7 +256,7 @@ def _findings(body: Body, now: BodyFit) -> tuple[tuple[BodyFinding, ...], BodyFi
         steps = [theta for _, k, theta in screened if k == i]
         promised = moved(body, less, np.stack(steps[:1]))[0] if steps else None
         close = [s for s in screened if s[1] != i and s[0] > 0.3 * gain][:_REFITTED]
-        fits = refit_body(body, [(tuple(sorted((*rest, k))), t) for _, k, t in close])
+        fits = refit_body(body, [_with(less, k, theta) for _, k, theta in close])
         tried += fits
         others = [
             (k, 2 * (now.loglik - f.loglik) + 2 * (CAUSES[k].weight - CAUSES[i].weight))

@@ -44,7 +44,6 @@ def on_its_way(
     n = len(den) - 1
     A = np.eye(n + 1, k=1)  # of the plant and its command, which is held
     A[:n, 0] -= den[1:]
-    A[n - 1, n] = 0.0
     A[n - len(num) : n, n] = num
     step = _outputs(A, dt, rows)[:, n]
     t = dt * np.arange(rows)

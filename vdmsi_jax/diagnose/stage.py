@@ -235,7 +235,6 @@ class _Group:
 
     Attributes:
         runs: their numbers.
-        lanes: vectors that a call takes.
         tree, leaves: effects and signals of the pairs, flat, since to take modules apart at each
             call would cost more than a small simulation.
         u, level: of the pairs.
@@ -243,7 +242,6 @@ class _Group:
     """
 
     runs: Int[np.ndarray, " G"]
-    lanes: int
     tree: Any
     leaves: list
     u: Float[Array, "pairs N"]
@@ -262,12 +260,16 @@ class _Group:
         stage: Stage, unravel: "Unravel", signals: Signals, runs: Int[np.ndarray, " G"]
     ) -> "_Group":
         """Some of them."""
-        lanes = _PAIRS // len(runs)
-        pairs = _padded(np.tile(runs, lanes))
+        pairs = _padded(np.tile(runs, _PAIRS // len(runs)))
         rows = {name: jnp.asarray(getattr(signals, name)[pairs]) for name in PER_RUN}
         leaves, tree = jax.tree.flatten((unravel, replace(signals, **rows)))
         u, level = jnp.asarray(stage.u[pairs]), jnp.asarray(stage.level[pairs])
-        return _Group(runs, lanes, tree, leaves, u, level, signals.h)
+        return _Group(runs, tree, leaves, u, level, signals.h)
+
+    @property
+    def lanes(self) -> int:
+        """How many vectors a call takes."""
+        return _PAIRS // len(self.runs)
 
     def simulate(
         self, plants, theta: Float[np.ndarray, "L P"], on: Bool[np.ndarray, " effects"]

@@ -251,7 +251,7 @@ def _changed(stage: Stage, h: Hypothesis, number: int) -> list[Hypothesis]:
             theta, whole = thetas[k].copy(), shares[k][0]
             theta[POLES : 2 * POLES] *= whole
             theta[gain] = max(_CHANGE * shares[k][1] / whole, -0.9)
-            theta[slowing] = lag * shares[k][2] / whole if lags else 0.0
+            theta[slowing] = max(lag * shares[k][2] / whole, 0.0) if lags else 0.0
             made.append(Hypothesis(h.poles, h.zeros, (number,), theta))
     return made
 

@@ -73,10 +73,9 @@ class Weighing:
         small = share < MINOR or (beside and not leads)
         small = small or not trial.believed(share, puzzle * (1.0 - share) > _PUZZLE)
         imitated = trial.gain.typical <= 0.0 and self._imitated(cause, trial.gain)
-        apart = (
-            cause.cause == "transport_delay"
-        )  # whose share is told against a plant without zeros
-        vague = (share < _STRONG or apart) and _vague(cause, found)
+        # the share of a delay is told against a plant without zeros, and says less
+        doubted = share < _STRONG or cause.cause == "transport_delay"
+        vague = doubted and _vague(cause, found)
         return small or imitated or vague or self._negligible(found)
 
     def _told_by(self, cause: Named, gain: Gain) -> bool:
@@ -112,8 +111,8 @@ class Weighing:
     def _negligible(self, found: Finding) -> bool:
         """Whether it is less than a body's or a plant's own: a sensor that is late by less than
         half a sample, tyres by less than one, a body that turns with its tyres, a response that is
-        early, a mode that poles of the
-        baseline tell as well; or a small gain in one channel that is none on the road.
+        early, a mode that poles of the baseline tell as well; or a small gain in one channel that
+        is none on the road.
         """
         value, dt = next(iter(found.parameters.values())).value, self.runs.dt
         none, g = False, found.gain
