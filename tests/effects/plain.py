@@ -184,6 +184,10 @@ def bent(quadratic: float, cubic: float) -> Cause:
     return Cause(rows=lambda u, d: u + quadratic * u * np.abs(u) + cubic * u**3)
 
 
+def skewed(quadratic: float, cubic: float) -> Cause:
+    return Cause(rows=lambda u, d: u + quadratic * u**2 + cubic * u**3)
+
+
 def stepped(step: float) -> Cause:
     return Cause(rows=lambda u, d: step * np.floor(u / step + 0.5))
 

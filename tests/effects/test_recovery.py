@@ -65,7 +65,8 @@ def coupling(strength, of):
 
 
 CASES = {
-    "GainNonlinearity": Case(plain.bent(0.15, -0.028), (0.15, -0.028)),
+    "GainNonlinearity sign": Case(plain.bent(0.15, -0.028), (0.15, -0.028)),
+    "GainNonlinearity skew": Case(plain.skewed(0.15, -0.028), (0.15, -0.028)),
     "SpeedDependentGain": Case(plain.slower_at_speed(-0.02), (-0.02,)),
     "CrossCoupling signed": coupling(1.7, lambda u, d: d.other),
     "CrossCoupling size": coupling(-2.3, lambda u, d: np.abs(d.other)),

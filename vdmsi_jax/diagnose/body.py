@@ -6,7 +6,7 @@ twice. Poses count as increments over half a second in the body's frame, which n
 not pile errors up.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import equinox as eqx
@@ -20,6 +20,7 @@ from ..effects.base import first_order
 from ..models.bicycle import Bicycle
 from ..parameters import parameters
 from .chain import Chain
+from .colour import filter_length, settled
 
 WINDOW = 0.5
 """Length of a pose increment, s."""
@@ -31,6 +32,7 @@ wheelbases; and side slip of the rear by lateral acceleration, rad s^2/m."""
 
 CHANNELS = ("r", "psi", "forward", "aside")
 _LANES = 8  # of a compiled program
+_SETTLED = 0.7  # of a channel's samples, that have all of the past that its colour sees
 
 
 @dataclass(frozen=True)
@@ -83,8 +85,9 @@ class Body:
         v, delta: responses of the actuators' models as measured, sensors included.
         dv, ddelta: what these leave of the measurement.
         measured: by channel of `CHANNELS`; missing channels are absent.
-        mask, held_out: by channel.
+        mask, held_out: by channel, samples that are fitted and that judge.
         bicycle: geometry; `dt`: sample period, s.
+        refuted: numbers of the causes that failed on data held out.
     """
 
     v: Float[np.ndarray, "R N"]
@@ -96,11 +99,32 @@ class Body:
     held_out: dict[str, Bool[np.ndarray, "R N"]]
     bicycle: Bicycle
     dt: float
+    refuted: tuple[int, ...] = ()
+
+    def without(self, cause: int) -> "Body":
+        """The same without one more cause."""
+        return replace(self, refuted=(*self.refuted, cause))
 
     @cached_property
     def window(self) -> int:
         """Rows of a pose increment."""
         return max(1, round(WINDOW / self.dt))
+
+    @cached_property
+    def order(self) -> dict[str, int]:
+        """Of each channel's colour: lower where its samples come in short stretches."""
+        found = {}
+        for c, mask in self.mask.items():
+            order = filter_length(self.dt, int(mask.sum()))
+            while order > 1 and settled(mask, order).sum() < _SETTLED * mask.sum():
+                order //= 2
+            found[c] = order
+        return found
+
+    @cached_property
+    def counted(self) -> dict[str, Bool[np.ndarray, "R N"]]:
+        """Samples of each channel whose innovations count."""
+        return {c: settled(mask, self.order[c]) for c, mask in self.mask.items()}
 
     @property
     def nuisance(self) -> tuple[int, ...]:
@@ -138,7 +162,8 @@ class Body:
         return tuple(
             i
             for i, c in enumerate(CAUSES)
-            if (poses or (c.cause, c.channel) not in hidden)
+            if i not in self.refuted
+            and (poses or (c.cause, c.channel) not in hidden)
             and ("r" in self.measured or (c.cause, c.channel) not in yaw)
         )
 

@@ -8,11 +8,13 @@ from jaxtyping import Float
 
 from .body import CAUSES, NUISANCE, Body
 from .chain import regress
-from .colour import autoregression, filter_length, whiten
+from .colour import least_squares, whiten
 from .windows import BLOCK, block_sums, widening
 
 _STEP = 1e-3
-_STEPS = 3  # of Gauss-Newton at one colour
+_STEPS = 3  # of Levenberg-Marquardt at one colour
+_DAMPINGS = (1e-3, 1.0, 1e2)  # times a lane's own, that are tried at each
+_STUCK = 10.0  # damping from which on a lane rests where no step helps
 _SETTLED = 0.05  # gain of twice the log-likelihood by a step after which a lane rests
 
 
@@ -137,6 +139,7 @@ class Lane:
         self.shares: dict[str, np.ndarray] = {}
         self.normal = np.eye(len(self.free))
         self.value = np.inf
+        self.damping = 1e-3
         self._still: dict[str, np.ndarray] = {}
 
     @classmethod
@@ -162,17 +165,16 @@ class Lane:
         """Estimate shares and colours anew."""
         e = self.raw(self.y)
         for c, X in self.body.chain.columns(e).items():
-            mask = self.body.mask[c]
-            order = filter_length(self.body.dt, int(mask.sum()))
+            counted, order = self.body.counted[c], self.body.order[c]
             new = c not in self.colour
             colour = np.zeros(order) if new else self.colour[c]
             for _ in range(2 if new else 1):
-                w = whiten(np.concatenate([e[c][None], X])[None], colour[None])[0][:, mask]
+                w = whiten(np.concatenate([e[c][None], X])[None], colour[None])[0][:, counted]
                 self.shares[c] = regress(w[1:], w[0])
                 left = e[c] - np.tensordot(self.shares[c], X, 1)
-                colour = autoregression(left[None], mask, order)[0]
+                colour = least_squares(left, counted, order)
             self.colour[c] = colour
-            white = whiten(np.concatenate([left[None], X])[None], colour[None])[0][:, mask]
+            white = whiten(np.concatenate([left[None], X])[None], colour[None])[0][:, counted]
             self.variance[c] = float(np.mean(white[0] ** 2))
             self._still[c] = white[1 + len(X) - len(self.body.chain.still[c]) :]
         self.value = self.cost(self.y)
@@ -192,7 +194,7 @@ class Lane:
 
     def white(self, channel: str, rows: np.ndarray) -> np.ndarray:
         """Rows of a channel after its whitening filter, where they count."""
-        return whiten(rows[None], self.colour[channel][None])[0][:, self.body.mask[channel]]
+        return whiten(rows[None], self.colour[channel][None])[0][:, self.body.counted[channel]]
 
     def passed(self, moved: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """A change of the responses as the residuals after the chain rule see it."""
@@ -225,7 +227,7 @@ class Lane:
 
     def finish(self) -> BodyFit:
         """The fit as it stands."""
-        n = {c: int(self.body.mask[c].sum()) for c in self.y}
+        n = {c: int(self.body.counted[c].sum()) for c in self.y}
         logliks = {c: -0.5 * n[c] * float(np.log(max(self.variance[c], 1e-300))) for c in self.y}
         scale = np.sqrt(np.maximum(np.diag(self.normal), 1e-300))
         unit = self.normal / np.outer(scale, scale) + 1e-12 * np.eye(len(scale))
@@ -286,7 +288,7 @@ def _size(i: int) -> float:
 
 
 def _step(body: Body, lanes: Sequence[Lane]) -> list[Lane]:
-    """One Gauss-Newton step of every lane, whole or in parts; those that still moved."""
+    """One Levenberg-Marquardt step of every lane; those that still move."""
     if not lanes:
         return []
     low, high = bounds(body)
@@ -301,23 +303,27 @@ def _step(body: Body, lanes: Sequence[Lane]) -> list[Lane]:
         lane.normal = normal[:k, :k] - normal[:k, k:] @ fold
         push = slope[:k] - fold.T @ slope[k:]
         scale = np.sqrt(np.maximum(np.diag(lane.normal), 1e-300))
-        move = _inside(
-            lane.normal / np.outer(scale, scale) + 1e-6 * np.eye(k), push / scale,
-            *((b[list(lane.free)] - lane.theta[list(lane.free)]) * scale for b in (low, high)),
-        )  # fmt: skip
-        for part in (1.0, 0.25):
+        unit, free = lane.normal / np.outer(scale, scale), list(lane.free)
+        room = [(b[free] - lane.theta[free]) * scale for b in (low, high)]
+        for factor in _DAMPINGS:
+            move = _inside(unit + lane.damping * factor * np.eye(k), push / scale, *room)
             theta = lane.theta.copy()
-            theta[list(lane.free)] += part * move / scale
+            theta[free] += move / scale
             trials.append(np.clip(theta, low, high))
     tried = _answers(body, trials)
-    moved = []
+    moved, many = [], len(_DAMPINGS)
     for i, lane in enumerate(lanes):
-        options = [(lane.cost(tried[j]), j) for j in (2 * i, 2 * i + 1)]
-        best, j = min((o for o in options if np.isfinite(o[0])), default=(np.inf, 0))
-        if best < lane.value:
-            if lane.value - best > _SETTLED:
+        costs = [lane.cost(y) for y in tried[many * i : many * (i + 1)]]
+        best = int(np.argmin(np.where(np.isfinite(costs), costs, np.inf)))
+        if costs[best] < lane.value:
+            if lane.value - costs[best] > _SETTLED:
                 moved.append(lane)
-            lane.value, lane.theta, lane.y = best, trials[j], tried[j]
+            lane.damping = max(lane.damping * _DAMPINGS[best], 1e-6)
+            j = many * i + best
+            lane.value, lane.theta, lane.y = costs[best], trials[j], tried[j]
+        elif lane.damping < _STUCK:
+            lane.damping *= 1e3
+            moved.append(lane)
     return moved
 
 

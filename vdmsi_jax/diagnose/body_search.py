@@ -19,7 +19,7 @@ from .body_fit import (
     robust,
     slopes,
 )
-from .colour import autoregression, whiten
+from .colour import least_squares, whiten
 from .found import MARGIN
 from .judge import Scored, confirmed
 from .price import CAUSE_COST, PARAMETER_COST
@@ -100,7 +100,9 @@ def search_body(body: Body) -> BodySearch:
         usual = _usual(body, now, findings[worst].number)
         where = _taken(body, now, findings[worst].less)
         failed.append(BodyFailed(findings[worst], *where, usual))
+        body = body.without(findings[worst].number)
         now = _eliminated(body, polished(body, findings[worst].less))
+        now = _eliminated(body, _extended(body, now, timed=False))
         findings, _ = _findings(body, now)
     return BodySearch(body, plain, robust(body, now), findings, tuple(failed))
 
@@ -228,20 +230,33 @@ def screen_body(body: Body, at: BodyFit) -> list[tuple[float, int, np.ndarray]]:
 
 
 def _predict(body: Body, lane: Lane, slopes: Sequence[dict]) -> tuple[float, np.ndarray]:
-    """Gain of twice the log-likelihood by the best linear step, and the step."""
+    """Gain of twice the log-likelihood by the best linear step, and the step: that of the noise's
+    colour as it stands, or that of plain least squares, since the colour of what lacks a cause has
+    taken a part of it, and nearly all of one that is slow."""
     normal, slope, stacks = lane.equations(slopes)
-    own = np.diag(normal).copy()
-    scale = np.sqrt(np.where(own > 0, own, 1.0))
-    unit = normal / np.outer(scale, scale) + 1e-8 * np.eye(len(scale))
-    move = np.linalg.solve(unit, slope / scale) / scale
-    gain = 0.0
-    for c, (rows, where) in stacks.items():
-        mask = body.mask[c]
-        rest = rows[0] - np.tensordot(move[where], rows[1:], 1)
-        colour = autoregression(rest[None], mask, len(lane.colour[c]))
-        variance = float(np.mean(whiten(rest[None], colour)[0][mask] ** 2))
-        gain += mask.sum() * float(np.log(lane.variance[c] / max(variance, 1e-300)))
-    return gain, move[: len(slopes)]
+    k = len(slopes)
+    plain, push = np.eye(len(slope)), np.zeros_like(slope)  # the chain's shares as they stand
+    plain[:k, :k] = 0.0
+    for c, (rows, _) in stacks.items():
+        seen = rows[: 1 + k, body.counted[c]]
+        gram = seen @ seen.T / max(float(np.mean(seen[0] ** 2)), 1e-300)
+        plain[:k, :k] += gram[1:, 1:]
+        push[:k] += gram[1:, 0]
+    best = (-np.inf, np.zeros(k))
+    for matrix, target in ((normal, slope), (plain, push)):
+        own = np.diag(matrix).copy()
+        scale = np.sqrt(np.where(own > 0, own, 1.0))
+        unit = matrix / np.outer(scale, scale) + 1e-8 * np.eye(len(scale))
+        move = np.linalg.solve(unit, target / scale) / scale
+        gain = 0.0
+        for c, (rows, where) in stacks.items():
+            counted = body.counted[c]
+            rest = rows[0] - np.tensordot(move[where], rows[1:], 1)
+            colour = least_squares(rest, counted, body.order[c])
+            variance = float(np.mean(whiten(rest[None], colour[None])[0][counted] ** 2))
+            gain += counted.sum() * float(np.log(lane.variance[c] / max(variance, 1e-300)))
+        best = max(best, (gain, move[:k]), key=lambda pair: pair[0])
+    return best
 
 
 def _findings(body: Body, now: BodyFit) -> tuple[tuple[BodyFinding, ...], BodyFit | None]:

@@ -15,6 +15,46 @@ def filter_length(dt: float, samples: int) -> int:
     return max(1, min(wanted, samples // 40))
 
 
+def settled(mask: Bool[np.ndarray, "R N"], order: int) -> Bool[np.ndarray, "R N"]:
+    """Samples whose past is known as far as a whitening filter looks: no jump from a gap counts."""
+    kept = mask.copy()
+    kept[:, :order] = False
+    for k in range(1, order + 1):
+        kept[:, k:] &= mask[:, :-k]
+    return kept
+
+
+def least_squares(
+    e: Float[np.ndarray, "R N"], counted: Bool[np.ndarray, "R N"], order: int
+) -> Float[np.ndarray, " order"]:
+    """Coefficients of the prediction of the `counted` samples by those before them. Unlike
+    Yule-Walker's they are not misled by the ends of stretches, which jump by far more than the
+    innovations of a smooth residual.
+
+    Source: Kay, Modern Spectral Estimation (1988), section 7.4 (covariance method).
+    """
+    gram, rise = np.zeros((order + 1, order + 1)), np.zeros((order, order))
+    for row, first, stop in _stretches(counted):
+        own = e[row, first - order : stop]
+        gram[0] += np.correlate(own, own[order:], "valid")[::-1]
+        before, last = own[order - 1 :: -1][:order], own[: -order - 1 : -1]
+        rise += np.outer(before, before) - np.outer(last, last)
+    gram[:, 0] = gram[0]
+    for i in range(order):  # products one sample earlier, but for those at the ends
+        gram[i + 1, 1:] = gram[i, :-1] + rise[i]
+    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    unit = gram / np.outer(scale, scale)
+    past = unit[1:, 1:] + 1e-12 * np.eye(order)
+    return np.linalg.solve(past, unit[1:, 0]) * scale[0] / scale[1:]
+
+
+def _stretches(counted: Bool[np.ndarray, "R N"]) -> list[tuple[int, int, int]]:
+    """Row, first and stop of each unbroken stretch."""
+    edges = np.diff(np.pad(counted, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+    firsts, stops = np.argwhere(edges == 1), np.argwhere(edges == -1)
+    return [(int(r), int(a), int(b)) for (r, a), (_, b) in zip(firsts, stops, strict=True)]
+
+
 def autoregression(
     e: Float[np.ndarray, "H R N"], mask: Bool[np.ndarray, "R N"], order: int
 ) -> Float[np.ndarray, "H order"]:

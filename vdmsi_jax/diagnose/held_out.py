@@ -12,10 +12,10 @@ from jaxtyping import Float
 
 from ..data.record import Record
 
-_COVERED = 0.03  # of a band's energy, which the logs of the fit must have of it at least
+_COVERED = 0.03  # of a band's energy, or of the time at a size, that the logs of the fit must have
 _NEW = 0.3  # share of the commands from which on they are another kind of driving
 _IDLE = 0.05  # of the energy of the others' commands, below which a log judges nothing
-_BEYOND = 0.1  # of the range of commands, past which one lies outside of it
+_BINS = 20  # of the range of commands; one covers its neighbours, too
 _FEW = 6  # logs, of which every choice is looked at
 
 
@@ -32,7 +32,7 @@ def judges(records: Sequence[Record]) -> set[int] | None:
         choices = [last, *(c for c in combinations(range(count), held) if c != last)]
     else:
         choices = [last, *(tuple(range(k, k + held)) for k in range(0, count - held, held))]
-    channels = sorted({p.input for r in records for p in r.plants if p.input in r})
+    channels = sorted(_driving(records))
     described = [{c: _described(r, c) for c in channels if c in r} for r in records]
     looked = [[_compared(described, c, own) for c in channels] for own in choices]
     news = [max((new for new, _ in each), default=0.0) for each in looked]
@@ -41,6 +41,17 @@ def judges(records: Sequence[Record]) -> set[int] | None:
     if 0 in fit or (not fit and news[0] <= _NEW):
         return set(last)
     return set(choices[min(fit, key=lambda k: news[k])]) if fit else None
+
+
+def _driving(records: Sequence[Record]) -> set[str]:
+    """The channels that tell how a log was driven: commands, and of a vehicle speed and angle where
+    no command of theirs was logged."""
+    plants = [p for r in records for p in r.plants if p.input in r]
+    found = {p.input for p in plants}
+    if all(r.vehicle is not None for r in records):
+        moved = {"v", "delta"} - {p.output for p in plants}
+        found |= {c for c in moved if all(c in r for r in records)}
+    return found
 
 
 def _described(record: Record, channel: str) -> tuple[Float[np.ndarray, " bands"], np.ndarray, int]:
@@ -74,7 +85,9 @@ def _compared(
     here, there = (e / sum(d[2] for d in p) for e, p in zip(energies, (own, rest), strict=True))
     changes = max(float(here.sum()), 1e-300)
     new = float(here[there < _COVERED * here].sum()) / changes
-    seen, values = (np.concatenate([d[1] for d in part]) for part in (rest, own))
-    reach = _BEYOND * float(np.ptp(seen))
-    outside = (values < seen.min() - reach) | (values > seen.max() + reach)
-    return max(new, float(outside.mean())), changes / max(float(there.sum()), 1e-300)
+    values, seen = (np.concatenate([d[1] for d in part]) for part in (own, rest))
+    edges = np.histogram_bin_edges(np.concatenate([values, seen]), _BINS)
+    shares = [np.histogram(x, edges)[0] / x.size for x in (values, seen)]
+    near, met = (np.convolve(x, np.ones(3), "same") for x in shares)
+    outside = float(shares[0][met < _COVERED * near].sum())
+    return max(new, outside), changes / max(float(there.sum()), 1e-300)

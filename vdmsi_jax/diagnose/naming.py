@@ -24,6 +24,8 @@ _FORMS = {
     ("at", "command"): "of the command",
     ("at", "response"): "of the response",
     ("at", "load"): "of the response, which a load pulls back",
+    ("by", "sign"): "alike to both sides",
+    ("by", "skew"): "to one side",
     ("by", "command"): "by the sign of the command",
     ("by", "effort"): "by the sign of the effort",
     ("against", "rate"): "against the motion of the response",

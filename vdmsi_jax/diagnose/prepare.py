@@ -20,6 +20,7 @@ from .stage import Stage
 from .windows import moving_mean
 
 _SLOWEST_STEERED = 0.3  # m/s, below which a yaw rate tells no steering angle
+_SLOWER_STEERED = 0.5  # of the usual speed, likewise: a lag of either tells when a vehicle sets off
 _LONGEST = 6000  # samples of a run that are simulated at once; longer ones are cut
 _MOST = 15_000  # samples that are looked at; of more, stretches spread over all of them are
 _STRETCH = 2000  # samples of such a stretch
@@ -186,7 +187,9 @@ def steering_angle(runs: Runs) -> tuple[np.ndarray, np.ndarray] | None:
     if vehicle is None or not all("r" in r and "v" in r for r in runs.records):
         return None
     v, r = runs.channel("v"), runs.channel("r")
-    known = (np.abs(v) > _SLOWEST_STEERED) & runs.seen("r") & runs.seen("v")
+    seen = runs.seen("r") & runs.seen("v")
+    usual = float(np.median(np.abs(v[seen]))) if seen.any() else 0.0
+    known = (np.abs(v) > max(_SLOWEST_STEERED, _SLOWER_STEERED * usual)) & seen
     behind = vehicle.rear_to_reference
     bicycle = Bicycle(vehicle.wheelbase - behind, behind)
     curvature = np.where(known, r / np.where(known, v, 1.0), 0.0)
@@ -216,6 +219,8 @@ def stage_of(runs: Runs, spec: PlantSpec) -> Stage:
     name = spec.name if spec.name in _FOREIGN else "plant"
     is_vehicle = runs.records[0].vehicle is not None and name != "plant"
     foreign = _FOREIGN.get(name, set()) | (set() if is_vehicle else _VEHICLES_ONLY)
+    if u.min() >= 0.0 or u.max() <= 0.0:  # there both forms are one
+        foreign = foreign | {"gain_nonlinearity by skew"}
     wheres = tuple("vehicle" if e.cause == "road_grade" else name for e in ACTUATOR)
     allowed = tuple(i for i, e in enumerate(ACTUATOR) if not {e.cause, kind(e)} & foreign)
     shared = (runs.time(), v, other, distance * runs.dt)

@@ -283,10 +283,12 @@ def joined(h: Hypothesis, candidate: Candidate) -> Hypothesis:
 
 
 def _smaller(stage: Stage, grid: Mapping[tuple[int, int], Refit], plain: Refit) -> list[Refit]:
-    """The best of the smaller plants, which a cause may make enough."""
+    """The best of the smaller plants, which a cause may make enough, and of those without zeros: a
+    servo's or a motor's own, as which it scores badly while its friction is not told."""
     coefficients = sum(order_of(plain.hypothesis))
     small = [f for o, f in grid.items() if sum(o) < coefficients and o in _SMALL]
-    return sorted(small, key=lambda f: -score(stage, f))[:_SMALLER]
+    small = sorted(small, key=lambda f: -score(stage, f))
+    return small[:_SMALLER] + [f for f in small[_SMALLER:] if f.hypothesis.zeros == 0][:1]
 
 
 def _cleared(stage: Stage, h: Hypothesis, keep: Iterable[int] = ()) -> np.ndarray:

@@ -32,7 +32,8 @@ from vdmsi_jax.effects.understeer import Understeer
 from vdmsi_jax.effects.yaw_inertia import YawInertia
 
 ACTUATOR: tuple[AbstractEffect, ...] = (
-    GainNonlinearity(),
+    GainNonlinearity(by="sign"),
+    GainNonlinearity(by="skew"),
     SpeedDependentGain(),
     CrossCoupling(by="signed"),
     CrossCoupling(by="size"),

@@ -1,7 +1,8 @@
 """Gain nonlinearity: the static characteristic is bent."""
 
-from typing import ClassVar
+from typing import ClassVar, Literal
 
+import equinox as eqx
 from jaxtyping import Array, Float
 
 from vdmsi_jax.effects.base import AbstractEffect, Scales, Signals
@@ -9,18 +10,26 @@ from vdmsi_jax.parameters import parameter
 
 
 class GainNonlinearity(AbstractEffect):
-    """`u + quadratic u |u| + cubic u³`: odd, as characteristics of actuators are; for commands of
-    one sign the first term is a parabola."""
+    """`u + quadratic u |u| + cubic u³`, bent alike to both sides as a motor's characteristic is, or
+    `u + quadratic u² + cubic u³`, as that of a crank that stands askew; for commands of one sign
+    they are the same.
+
+    Attributes:
+        by: what the quadratic term takes of the command beside its size: its sign, or nothing.
+    """
 
     cause: ClassVar[str] = "gain_nonlinearity"
 
-    quadratic: Float[Array, ""] = parameter("1/command", "of u |u|")
+    quadratic: Float[Array, ""] = parameter("1/command", "of u |u|, or of u squared")
     cubic: Float[Array, ""] = parameter("1/command^2", "of u cubed")
+    by: Literal["sign", "skew"] = eqx.field(static=True, default="sign")
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
         size = max(abs(scales.low), abs(scales.high), 1e-12)
         bends = (-0.3, -0.05, 0.05, 0.3)
-        return [(k / size, 0.0) for k in bends] + [(0.0, k / size**2) for k in bends]
+        cubes = bends if self.by == "sign" else ()
+        return [(k / size, 0.0) for k in bends] + [(0.0, k / size**2) for k in cubes]
 
     def command(self, u: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
-        return u + self.quadratic * u * abs(u) + self.cubic * u * u * u
+        bent = u * abs(u) if self.by == "sign" else u * u
+        return u + self.quadratic * bent + self.cubic * u * u * u
