@@ -5,6 +5,27 @@ import numpy as np
 from jaxtyping import Float
 
 
+def begun(
+    whole: Float[np.ndarray, " _"],
+    den: Float[np.ndarray, " n"],
+    num: Float[np.ndarray, " m"],
+    delay: float,
+    dt: float,
+    rows: int,
+) -> Float[np.ndarray, "rows q"]:
+    """What a run may begin with: the states of a plant and of the modes before it (`whole` is the
+    denominator of both), and where it has a delay, what is on its way."""
+    states = free_response(whole, dt, rows)
+    if delay <= 0.0:
+        return states
+    return np.concatenate([states, on_its_way(den, num, delay, dt, rows)[:, None]], axis=1)
+
+
+def mode(frequency: float, damping: float) -> Float[np.ndarray, "3"]:
+    """Denominator of a mode, its frequency in radians."""
+    return np.array([1.0, 2.0 * damping * frequency, frequency**2])
+
+
 def free_response(
     den: Float[np.ndarray, " _"], dt: float, rows: int
 ) -> Float[np.ndarray, "rows n"]:

@@ -16,7 +16,7 @@ from jaxtyping import Float
 
 from . import swing
 from .colour import autoregression, filter_length, whiten
-from .free_response import free_response, on_its_way
+from .free_response import begun, mode
 from .stage import LEADS, POLES, Stage
 from .windows import inverse
 
@@ -208,15 +208,16 @@ def usable(stage: Stage) -> np.ndarray:
 
 
 def _states(stage: Stage, h: Hypothesis) -> np.ndarray:
-    """Response at the rows to each state at the first row, to what was on its way then, and to a
-    swing of each phase."""
-    dt, many = stage.pace * stage.dt, stage.u.shape[1]
-    rows = free_response(h.den, dt, many)
-    slots = (stage.slots[number] for number in h.active)
-    delay = max((h.theta[s.index[0]] for s in slots if s.cause == "transport_delay"), default=0.0)
-    if delay > 0.0:
-        waits = on_its_way(h.den, h.num, stage.pace * delay, dt, many)
-        rows = np.concatenate([rows, waits[:, None]], axis=1)
+    """Response at the rows to each state at the first row, those of a mode among them, to what was
+    on its way then, and to a swing of each phase."""
+    den, delay = h.den, 0.0
+    for slot in (stage.slots[number] for number in h.active):
+        own = h.theta[list(slot.index)]
+        if slot.cause == "resonance":
+            den = np.polymul(den, mode(2.0 * np.pi * own[0] / stage.pace, own[1]))
+        if slot.cause == "transport_delay":
+            delay = stage.pace * own[0]
+    rows = begun(den, h.den, h.num, delay, stage.pace * stage.dt, stage.u.shape[1])
     frequency = h.frequency(stage)
     if frequency is None:
         return rows

@@ -38,13 +38,14 @@ _APART = 1.7  # standard errors over blocks from which two causes are told apart
 _CLOSE, _FORM, _FAR = 15.0, 0.1, 50.0  # lack, the same as a share of the gain, and lack again, up
 # to which blocks are asked; beyond, it is no matter of form: 61 answers of four exams
 _LOOPS = {"backlash", "coulomb_friction"}
+_LOOP = 0.25  # share of the gain, up to which blocks are asked which of them it is
 SWAPS = 3
 SWAPPED = 2.0  # by which another cause must be better to take a place
 _RIVALS = 8  # that are told
 _LIGHT, _NAME = 0.15, 20.0  # damping of a mode, and what its name may cost
 _TOLD = 10.0  # what a pole for a delay may cost
 _MENDS = 0.06  # of what other causes are worth, likewise
-_LITTLE = 0.01  # of what the poles are worth that tell a mode, which its name may cost
+_LITTLE = 0.02  # of what the poles are worth that tell a mode, which its name may cost
 _GROWS = 50.0  # that a cause in a small plant must gain for larger ones to be tried with it
 _MUCH, _SURE = 0.4, 2.5  # share of the error, and standard errors, that data held out bear out
 _SLOW = 4.0  # squared error over innovations, from which on a part of it is slow
@@ -384,8 +385,9 @@ def _findings(
 def _near(cause: str, other: str, lacks: float, gain: float) -> bool:
     """Whether a cause lacks so little that the form of another may not be exact enough to part
     them: of a play and friction, which each make the other's loop, more than of the rest."""
-    most = math.inf if {cause, other} == _LOOPS else _FAR
-    return lacks < min(most, max(_CLOSE, _FORM * gain))
+    if {cause, other} == _LOOPS:
+        return lacks < max(_CLOSE, _LOOP * gain)
+    return lacks < min(_FAR, max(_CLOSE, _FORM * gain))
 
 
 def _afresh(stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]) -> list[Refit]:
