@@ -10,9 +10,12 @@ from vdmsi_jax.models.bicycle import Bicycle
 DT, ROWS, FINE = 0.02, 2500, 20
 
 
-def turning(seed: int, *, late: float = 0.0, inertia: float = 0.0) -> Body:
+def turning(
+    seed: int, *, late: float = 0.0, inertia: float = 0.0, bias: float = 0.0, wander: float = 0.0
+) -> Body:
     """Two runs whose speed and angle swing; the yaw rate is told `late` seconds after it was, and
-    follows with a time constant of `inertia` seconds per m/s."""
+    follows with a time constant of `inertia` seconds per m/s. A constant and a slow noise of 0.4 s,
+    rad/s, are added to it."""
     rng = np.random.default_rng(seed)
     t = DT / FINE * np.arange(ROWS * FINE)
     v, delta, r = [], [], []
@@ -24,6 +27,10 @@ def turning(seed: int, *, late: float = 0.0, inertia: float = 0.0) -> Body:
             lag = max(inertia * speed[k], 1e-4)
             turned[k] = at = at + (1.0 - np.exp(-DT / FINE / lag)) * (goal[k] - at)
         seen = np.interp(t - late, t, turned)[::FINE] + 0.01 * rng.standard_normal(ROWS)
+        keep, slow = np.exp(-DT / 0.4), 0.0
+        for k, step in enumerate(rng.standard_normal(ROWS)):
+            slow = keep * slow + np.sqrt(1.0 - keep**2) * wander * step
+            seen[k] += bias + slow
         v, delta, r = [*v, speed[::FINE]], [*delta, angle[::FINE]], [*r, seen]
     zero, here = np.zeros((2, ROWS)), {"r": np.ones((2, ROWS), bool)}
     nowhere = {"r": np.zeros((2, ROWS), bool)}
@@ -52,3 +59,13 @@ def test_a_body_that_is_slow_where_it_is_fast_has_inertia():
     found = found_in(turning(2, inertia=0.006))
     assert set(found) == {"yaw_inertia"}
     assert found["yaw_inertia"] == pytest.approx(0.006, rel=0.15)
+
+
+def test_a_bias_that_the_noise_s_colour_would_swallow_is_found():
+    found = found_in(turning(3, bias=0.02, wander=0.012))
+    assert set(found) == {"sensor_bias"}
+    assert found["sensor_bias"] == pytest.approx(0.02, abs=0.004)
+
+
+def test_a_slow_noise_alone_is_no_bias():
+    assert not found_in(turning(4, wander=0.012))

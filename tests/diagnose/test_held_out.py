@@ -50,6 +50,18 @@ def test_of_many_logs_too_another_third_is_found():
     assert judges(logs(*(SLALOM for _ in range(6)), steps(1), steps(2))) == {0, 1, 2}
 
 
+def test_speeds_that_were_measured_are_driving_too():
+    def told(name, v):
+        return vj.Record.from_arrays(
+            dt=DT, name=name, vehicle=GEOMETRY, v=v, delta=0.1 * SLALOM, r=0.05 * v * SLALOM
+        )
+
+    slow, fast = 5.0 + 0.5 * steps(1), 10.0 + 0.5 * steps(2)
+    fast[:20] = np.linspace(2.0, 10.0, 20)  # it passes the other's speeds as it sets off
+    assert judges([told("fast", fast), told("slow", slow)]) is None
+    assert judges([told("fast", fast), told("again", 10.0 + 0.5 * steps(3))]) == {1}
+
+
 def test_where_each_log_is_of_a_kind_of_its_own_each_gives_a_part():
     fast_steering = logs(SLALOM, steps(1), speeds=[3.0 + steps(5), 3.0 + SLALOM])
     assert judges(fast_steering) is None

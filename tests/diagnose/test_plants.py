@@ -72,6 +72,32 @@ def test_a_delay_is_told_where_a_command_was_on_its_way_when_the_log_began():
     assert found.extended["y"].fit > 97.0
 
 
+def test_a_mast_that_rings_when_a_log_begins_is_a_resonance():
+    plant, w, damping = vj.PlantSpec("mast", "u", "y"), 2.0 * np.pi * 1.4, 0.03
+    made, h, keep = [], 0.001, 400
+    for run, record in enumerate(driven(9, noise=0.0)):
+        base = np.interp(h * np.arange(ROWS * FINE), DT * np.arange(ROWS), record["y"])
+        away = speed = 0.0
+        y, pushed = [], np.gradient(np.gradient(base, h), h)
+        pushed = np.convolve(pushed, np.ones(FINE) / FINE, "same")
+        for k in range(ROWS * FINE):
+            if k % FINE == 0:
+                y.append(base[k] + away)
+            speed += h * (-0.5 * pushed[k] - 2.0 * damping * w * speed - w * w * away)
+            away += h * speed
+        y = np.asarray(y) + 0.004 * np.random.default_rng(run).standard_normal(ROWS)
+        u = record["u"]
+        own = vj.Record.from_arrays(
+            dt=DT, name=f"run_{run}", plants=(plant,), u=u[keep:], y=y[keep:]
+        )
+        made.append(own)
+    found = vj.diagnose(made)
+    assert [f.cause for f in found.findings] == ["resonance"]
+    told = found.findings[0].parameters
+    assert told["frequency"].value == pytest.approx(1.4, abs=0.02)
+    assert told["damping"].value == pytest.approx(0.03, abs=0.01)
+
+
 def test_a_servo_and_its_lag_are_no_delay():
     found = vj.diagnose(driven(3))
     assert found.verdict == "no_effect" and not found.findings

@@ -1,6 +1,5 @@
 """From a stage to the causes that explain it: baseline, forward selection, elimination, rivals."""
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
