@@ -33,11 +33,12 @@ _FROM_SMALLER = 4  # candidates of the screens of smaller plants that are refitt
 _SMALL = ((1, 0), (2, 0), (2, 1), (3, 0), (3, 1))
 _MOST_CAUSES = 4
 _STEADY = 1.5  # standard errors over blocks that a second cause must be likelier by
-_APART = 1.7  # standard errors over blocks from which two causes are told apart
+_APART = 1.7  # standard errors over blocks, from which two causes are told apart
 _CLOSE, _FORM, _FAR = 15.0, 0.1, 50.0  # lack, the same as a share of the gain, and lack again, up
 # to which blocks are asked; beyond, it is no matter of form: 61 answers of four exams
 _LOOPS = {"backlash", "coulomb_friction"}
 _LOOP = 0.25  # share of the gain, up to which blocks are asked which of them it is
+_LOOP_APART = 1.5  # standard errors that do: of ten answers wrong ones had up to 1.2
 SWAPS = 3
 SWAPPED = 2.0  # by which another cause must be better to take a place
 _RIVALS = 8  # that are told
@@ -375,7 +376,11 @@ def _findings(
         ]
         rivals = sorted(rivals, key=lambda pair: pair[1])[:_RIVALS]
         near = [k for k, lacks in rivals if _near(own.cause, stage.slots[k].cause, lacks, gain)]
-        alike = [k for k in near if steadiness(stage, best[k], final) < _APART]
+        alike = [
+            k
+            for k in near
+            if steadiness(stage, best[k], final) < _apart(own.cause, stage.slots[k].cause)
+        ]
         found.append(Finding(number, gain, less, tuple(rivals), promised, tuple(alike)))
     best_other = max(tried, key=lambda f: score(stage, f), default=None)
     return tuple(sorted(found, key=lambda f: -f.gain)), best_other
@@ -387,6 +392,11 @@ def _near(cause: str, other: str, lacks: float, gain: float) -> bool:
     if {cause, other} == _LOOPS:
         return lacks < max(_CLOSE, _LOOP * gain)
     return lacks < min(_FAR, max(_CLOSE, _FORM * gain))
+
+
+def _apart(cause: str, other: str) -> float:
+    """Standard errors over blocks from which the two are told apart."""
+    return _LOOP_APART if {cause, other} == _LOOPS else _APART
 
 
 def _afresh(stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]) -> list[Refit]:
