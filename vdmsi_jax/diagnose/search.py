@@ -410,7 +410,7 @@ def _afresh(stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]) -
 
 def _rings(stage: Stage, f: Refit, plain: Refit, seen: Mapping[tuple, Refit]) -> bool:
     """Whether a fit tells lightly damped poles of a larger plant by their name, as well as it, or
-    nearly all of what they are worth."""
+    nearly all of what they are worth, and the mode is worth more than its name costs."""
     h, others = f.hypothesis, set(plain.hypothesis.active)
     named = [stage.slots[number] for number in h.active if number not in others]
     if [slot.cause for slot in named] != ["resonance"] or not others < set(h.active):
@@ -422,4 +422,5 @@ def _rings(stage: Stage, f: Refit, plain: Refit, seen: Mapping[tuple, Refit]) ->
         return False
     smaller = sum(order_of(h)) < sum(order_of(plain.hypothesis))
     worth, lacks = (score(stage, plain) - score(stage, other) for other in (bare, f))
-    return smaller and damping < _LIGHT and lacks < max(_NAME, _LITTLE * worth)
+    most = min(0.5 * worth, max(_NAME, _LITTLE * worth))
+    return smaller and damping < _LIGHT and lacks < most
