@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from .data.segment import Segment as Segment
     from .diagnose import Diagnosis as Diagnosis
     from .diagnose import Finding as Finding
+    from .diagnose import KnownNoise as KnownNoise
     from .diagnose import diagnose as diagnose
     from .errors import InputError as InputError
     from .fusion import Fused as Fused
@@ -66,7 +67,7 @@ _HOMES = {
     "data.read": ("read_log", "read_logs"),
     "data.record": ("Record",),
     "data.segment": ("Segment",),
-    "diagnose": ("Diagnosis", "Finding", "diagnose"),
+    "diagnose": ("Diagnosis", "Finding", "KnownNoise", "diagnose"),
     "errors": ("InputError",),
     "fusion": ("Fused", "GaussMarkov", "ModelError", "PoseSensor", "fuse"),
     "identify.acceleration": ("SpeedResponse", "speed_response"),

@@ -1,10 +1,13 @@
 """Causes of the body, from speeds and angles as they are and yaw rates made by plain NumPy."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from vdmsi_jax.diagnose.body import CAUSES, Body
 from vdmsi_jax.diagnose.body_search import search_body
+from vdmsi_jax.diagnose.noise import Pair
 from vdmsi_jax.models.bicycle import Bicycle
 
 DT, ROWS, FINE = 0.02, 2500, 20
@@ -69,3 +72,16 @@ def test_a_bias_that_the_noise_s_colour_would_swallow_is_found():
 
 def test_a_slow_noise_alone_is_no_bias():
     assert not found_in(turning(4, wander=0.012))
+
+
+def test_runs_with_the_same_commands_tell_the_colour_where_both_are_fitted():
+    alone = turning(5)
+    again = replace(alone, repeats=(Pair(0, 1, 40, 0, ROWS - 40),))
+    left = np.stack([np.arange(ROWS) ** 2.0, np.arange(ROWS) * 1.0])
+    rows, counted = again.noise("r", left)
+    moved = (left[0, 40:] - left[1, :-40]) / np.sqrt(2.0)
+    assert np.array_equal(rows[0, : ROWS - 40], moved)
+    order = again.order["r"]
+    assert counted[0, order : ROWS - 40].all() and not counted[0, ROWS - 40 :].any()
+    for body in (alone, replace(again, mask={"r": alone.mask["r"] & [[True], [False]]})):
+        assert np.array_equal(body.noise("r", left)[0], left)

@@ -21,6 +21,7 @@ from ..models.bicycle import Bicycle
 from ..parameters import parameters
 from .chain import Chain
 from .colour import filter_length, settled
+from .noise import Pair
 
 WINDOW = 0.5
 """Length of a pose increment, s."""
@@ -32,6 +33,7 @@ wheelbases; and side slip of the rear by lateral acceleration, rad s^2/m."""
 
 CHANNELS = ("r", "psi", "forward", "aside")
 _LANES = 8  # of a compiled program
+_PER_LAG = 20  # samples of a difference of repeats for each coefficient of a colour
 _SETTLED = 0.7  # of a channel's samples, that have all of the past that its colour sees
 
 
@@ -88,6 +90,7 @@ class Body:
         mask, held_out: by channel, samples that are fitted and that judge.
         bicycle: geometry; `dt`: sample period, s.
         refuted: numbers of the causes that failed on data held out.
+        repeats: runs with the same commands, whose noise is that of all where both are fitted.
     """
 
     v: Float[np.ndarray, "R N"]
@@ -100,6 +103,7 @@ class Body:
     bicycle: Bicycle
     dt: float
     refuted: tuple[int, ...] = ()
+    repeats: tuple[Pair, ...] = ()
 
     def without(self, cause: int) -> "Body":
         """The same without one more cause."""
@@ -125,6 +129,31 @@ class Body:
     def counted(self) -> dict[str, Bool[np.ndarray, "R N"]]:
         """Samples of each channel whose innovations count."""
         return {c: settled(mask, self.order[c]) for c, mask in self.mask.items()}
+
+    @cached_property
+    def _repeated(self) -> dict[str, Bool[np.ndarray, "P N"]]:
+        """Rows of the differences of repeats whose past is known; of channels with enough."""
+        found = {}
+        for c, mask in self.mask.items():
+            both = np.zeros((len(self.repeats), mask.shape[1]), bool)
+            for row, pair in zip(both, self.repeats, strict=True):
+                row[: pair.rows] = pair.both(mask)
+            counted = settled(both, self.order[c])
+            if counted.sum() >= _PER_LAG * self.order[c]:
+                found[c] = counted
+        return found
+
+    def noise(
+        self, channel: str, left: Float[np.ndarray, "R N"]
+    ) -> tuple[Float[np.ndarray, "_ N"], Bool[np.ndarray, "_ N"]]:
+        """What tells the colour of a channel's noise, and where it counts: what repeats differ by,
+        else the residual itself."""
+        if channel not in self._repeated:
+            return left, self.counted[channel]
+        rows = np.zeros((len(self.repeats), left.shape[1]))
+        for row, pair in zip(rows, self.repeats, strict=True):
+            row[: pair.rows] = pair.difference(left)
+        return rows, self._repeated[channel]
 
     @property
     def nuisance(self) -> tuple[int, ...]:

@@ -172,7 +172,7 @@ class Lane:
                 w = whiten(np.concatenate([e[c][None], X])[None], colour[None])[0][:, counted]
                 self.shares[c] = regress(w[1:], w[0])
                 left = e[c] - np.tensordot(self.shares[c], X, 1)
-                colour = least_squares(left, counted, order)
+                colour = least_squares(*self.body.noise(c, left), order)
             self.colour[c] = colour
             white = whiten(np.concatenate([left[None], X])[None], colour[None])[0][:, counted]
             self.variance[c] = float(np.mean(white[0] ** 2))

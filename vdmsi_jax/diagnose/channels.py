@@ -32,20 +32,21 @@ def channel_scores(
         stage, fit = own.stage, own.final if extended else own.baseline
         use = stage.held_out if stage.held_out.sum() > _FEW else stage.mask
         left = (stage.y - own.final.y)[stage.mask]
-        found[spec.output] = _score(stage.y[use], (stage.y - fit.y)[use], left)
+        noise = float(np.std(left)) if stage.noise.std is None else stage.noise.std
+        found[spec.output] = _score(stage.y[use], (stage.y - fit.y)[use], noise, stage.noise.by)
     if bodily is not None and "r" in bodily.body.measured:
         body, fit = bodily.body, bodily.final if extended else bodily.plain
         mask, held_out = body.mask["r"], body.held_out["r"]
         use = held_out if held_out.sum() > _FEW else mask
         left = residual(body, bodily.final, "r", mask)[mask]
-        found["r"] = _score(body.measured["r"][use], residual(body, fit, "r", use)[use], left)
+        e = residual(body, fit, "r", use)[use]
+        found["r"] = _score(body.measured["r"][use], e, float(np.std(left)))
     return found
 
 
-def _score(y: np.ndarray, e: np.ndarray, left: np.ndarray) -> ChannelScore:
-    noise = float(np.std(left))
+def _score(y: np.ndarray, e: np.ndarray, noise: float, by: str = "own") -> ChannelScore:
     ceiling = fit_percent(y, np.full(y.shape, noise))
-    return ChannelScore(fit_percent(y, e), float(np.mean(e**2)), noise, ceiling)
+    return ChannelScore(fit_percent(y, e), float(np.mean(e**2)), noise, ceiling, by)
 
 
 def responses(

@@ -1,6 +1,6 @@
 """The verb: from logs to the causes, the extended model, and the gain on data held out."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -14,9 +14,11 @@ from ..errors import InputError
 from ..programs import make_room
 from .body_search import search_body
 from .found import Search
+from .noise import KnownNoise
 from .prepare import Runs, body_of, lay_out, slower, stage_of
 from .result import Diagnosis
 from .search import search
+from .stage import Stage
 from .verdict import Evidence
 
 
@@ -24,6 +26,7 @@ def diagnose(
     records: Record | Sequence[Record],
     vehicle: VehicleGeometry | None = None,
     *,
+    noise: Mapping[str, KnownNoise] | None = None,
     told: Callable[[str], None] | None = None,
 ) -> Diagnosis:
     """Say what the simulation of a vehicle, or of any plant, gets wrong, and why.
@@ -32,21 +35,25 @@ def diagnose(
         records: logs of one vehicle. Of several, a third judges and the others are fitted: the
             last, unless their commands do not cover it; of a single one, stretches of it judge.
         vehicle: geometry, where the records have none.
+        noise: of responses of plants by channel, where it was seen elsewhere, say at rest. Without,
+            runs with the same commands tell it, and where there are none, the residual does.
         told: is called with what is being done.
 
     Raises:
-        InputError: no record, different sample periods, or nothing that answers to a command.
+        InputError: no record, different sample periods, nothing that answers to a command, or noise
+            of a channel that no plant has.
 
     Works in double precision, whatever the setting of JAX outside: paths are differenced here.
     """
     make_room()
     with jax.enable_x64(True), np.errstate(all="ignore"):  # trials may leave every range
-        return _diagnose(records, vehicle, told)
+        return _diagnose(records, vehicle, noise or {}, told)
 
 
 def _diagnose(
     records: Record | Sequence[Record],
     vehicle: VehicleGeometry | None,
+    noise: Mapping[str, KnownNoise],
     told: Callable[[str], None] | None,
 ) -> Diagnosis:
     several = [records] if isinstance(records, Record) else list(records)
@@ -54,12 +61,16 @@ def _diagnose(
     say = told or (lambda _: None)
     runs = lay_out(several)
     plants = plants_of(several)
+    outputs = [spec.output for spec in plants]
+    for channel in set(noise) - set(outputs):
+        problem = f"noise of {channel}, which is the response of no plant"
+        raise InputError("noise", channel, problem, f"give it for {' or '.join(outputs)}")
     say(f"looking into the {' and the '.join(spec.name for spec in plants)}")
 
     def look(spec: PlantSpec) -> Search | str:
         try:
             with jax.enable_x64(True), np.errstate(all="ignore"):  # both are a thread's own
-                return search(_stage(runs, several, spec))
+                return search(_stage(runs, several, spec, noise.get(spec.output)))
         except InputError as why:
             return f"The {spec.name} was not looked at: {why}"
 
@@ -108,7 +119,9 @@ def plants_of(records: Sequence[Record]) -> list[PlantSpec]:
     return list(taken.values())
 
 
-def _stage(runs: Runs, records: Sequence[Record], spec: PlantSpec):
+def _stage(
+    runs: Runs, records: Sequence[Record], spec: PlantSpec, noise: KnownNoise | None = None
+) -> Stage:
     if spec.output in records[0]:
         moved, refused = 0, None
         for record in records:
@@ -119,7 +132,7 @@ def _stage(runs: Runs, records: Sequence[Record], spec: PlantSpec):
                 refused = why
         if not moved and refused is not None:
             raise refused
-    stage = stage_of(runs, spec)
+    stage = stage_of(runs, spec, noise)
     if stage.mask.sum() < 80:
         problem = f"only {int(stage.mask.sum())} samples of {spec.output} to fit"
         raise InputError(records[0].name, spec.output, problem, "give a longer log")

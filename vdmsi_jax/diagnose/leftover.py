@@ -96,7 +96,7 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     found = _of_a_kind(spec.output, kind, causes, e, stage.y, stage.mask)
     found += structure(spec.output, e * evenly, white, *masks, runs.names, stage.dt)
     for use, least in zip(masks, (LARGE, LARGE_HELD_OUT), strict=True):
-        slow = slow_error(spec.output, e, white, stage.y, use, stage.dt, least)
+        slow = slow_error(spec.output, e, white, stage.y, use, stage.dt, least, stage.noise.slow)
         if slow is not None:
             found.append(slow)
             break

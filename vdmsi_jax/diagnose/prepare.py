@@ -1,6 +1,6 @@
 """From records to stages: runs side by side, what is held out, and the sizes of the signals."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
@@ -16,6 +16,7 @@ from ..models.bicycle import Bicycle
 from .body import CHANNELS, WINDOW, Body, increments
 from .found import Search
 from .held_out import judges
+from .noise import KnownNoise, Pair, pairs, repeated
 from .stage import Stage
 from .windows import moving_mean
 
@@ -35,6 +36,7 @@ _FOREIGN = {
     "steering": {"drag", "road_grade", "coulomb_friction against response"}
     | {f"cross_coupling by {by}" for by in ("signed", "size", "square", "slowed")},
 }
+_COMMANDS = {"v_cmd", "delta_cmd"}  # of a vehicle
 _VEHICLES_ONLY = {"cross_coupling", "speed_dependent_gain", "drag", "road_grade"}
 
 
@@ -204,8 +206,9 @@ def kind(effect: AbstractEffect) -> str:
     return " ".join([effect.cause, *(f"{n} {getattr(effect, n)}" for n in forms)])
 
 
-def stage_of(runs: Runs, spec: PlantSpec) -> Stage:
-    """The stage of one plant."""
+def stage_of(runs: Runs, spec: PlantSpec, reference: KnownNoise | None = None) -> Stage:
+    """The stage of one plant; the noise of its response by a reference, else by runs with the same
+    commands where there are any."""
     u = runs.channel(spec.input)
     y, seen = runs.channel(spec.output), runs.seen(spec.output)
     if spec.output == "delta":
@@ -224,7 +227,20 @@ def stage_of(runs: Runs, spec: PlantSpec) -> Stage:
     wheres = tuple("vehicle" if e.cause == "road_grade" else name for e in ACTUATOR)
     allowed = tuple(i for i, e in enumerate(ACTUATOR) if not {e.cause, kind(e)} & foreign)
     shared = (runs.time(), v, other, distance * runs.dt)
-    return make_stage(spec.name, u, y, seen & ~held, seen & held, shared, allowed, wheres, runs.dt)
+    masks = seen & ~held, seen & held
+    stage = make_stage(spec.name, u, y, *masks, shared, allowed, wheres, runs.dt)
+    if reference is not None:
+        return replace(stage, noise=reference.at(runs.dt))
+    commands = {spec.input} | (_COMMANDS if is_vehicle else set())
+    known = repeated(repeats(runs, commands), y, seen, stage.scales.time_constant, runs.dt)
+    return stage if known is None else replace(stage, noise=known)
+
+
+def repeats(runs: Runs, commands: Iterable[str]) -> tuple[Pair, ...]:
+    """Runs that were told the same by all of these commands that were logged."""
+    told = [runs.channel(c) for c in sorted(commands) if all(c in r for r in runs.records)]
+    sizes = np.subtract(runs.stops, runs.starts)
+    return pairs(np.stack(told), np.arange(runs.length) < sizes[:, None], runs.dt) if told else ()
 
 
 def make_stage(name, u, y, mask, held_out, shared, allowed, wheres, dt) -> Stage:
@@ -336,7 +352,7 @@ def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
     bicycle = Bicycle(vehicle.wheelbase - behind, behind)
     return Body(
         smooth["v"], smooth["delta"], v - smooth["v"], delta - smooth["delta"],
-        measured, mask, held_out, bicycle, runs.dt,
+        measured, mask, held_out, bicycle, runs.dt, repeats=repeats(runs, _COMMANDS),
     )  # fmt: skip
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from . import swing
-from .colour import autoregression, filter_length, whiten
+from .colour import filter_length, whiten
 from .free_response import begun, mode
 from .stage import LEADS, POLES, Stage
 from .windows import inverse
@@ -385,7 +385,7 @@ def _recolour(stage: Stage, lanes: list[Lane], counted: np.ndarray) -> None:
         repaint(stage, lane, counted)
         _swung(stage, lane, counted)
     left = np.stack([residual(stage, with_states(stage, lane, counted)) for lane in lanes])
-    colours = autoregression(left, stage.mask, lanes[0].colour.size)
+    colours = stage.noise.colours(left, stage.mask, lanes[0].colour.size)
     for lane, colour in zip(lanes, colours, strict=True):
         lane.colour = colour
         repaint(stage, lane, counted)

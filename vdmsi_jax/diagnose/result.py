@@ -144,12 +144,14 @@ class ChannelScore:
         mse: squared unit.
         noise_std: of its noise, in its unit.
         ceiling: FIT that no model can pass, because of the noise.
+        noise_by: what tells that: `own` residual, a `repeat` of commands, or a `reference`.
     """
 
     fit: float
     mse: float
     noise_std: float
     ceiling: float
+    noise_by: str = "own"
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from . import swing
-from .colour import predicted, spectrum, whiten
+from .colour import spectrum, whiten
 from .refit import Hypothesis, Refit, responses, sensitivities, usable
 from .stage import LEADS, MOST_LEAD, Stage
 
@@ -164,7 +164,7 @@ class _Ground:
 
     def _innovations(self, spectra: np.ndarray) -> np.ndarray:
         """Sums of squares after each one's own whitening."""
-        return np.maximum(predicted(spectra, self.at.colour.size)[1], 1e-300)
+        return np.maximum(self.stage.noise.innovations(spectra, self.at.colour.size), 1e-300)
 
 
 def absorbable(stage: Stage, at: Refit, J: np.ndarray) -> Float[np.ndarray, "q R N"]:

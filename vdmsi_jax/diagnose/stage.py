@@ -21,6 +21,7 @@ from ..models.extended_plant import acts, respond
 from ..models.observer_form import observer, slowness_of, steps_of
 from ..models.state_space import StateSpace
 from ..parameters import Parameter, parameters
+from .noise import Noise, OwnNoise
 
 POLES = 4
 LEADS = (2 * POLES, 2 * POLES + 1)  # where those of forces stand in a vector, by 1 / pace
@@ -77,6 +78,7 @@ class Stage:
         scales: sizes of the signals.
         pace: inverse of the time unit of the coefficients, 1/s.
         dt: sample period, s.
+        noise: what its colour is told by.
     """
 
     name: str
@@ -91,6 +93,7 @@ class Stage:
     scales: Scales
     pace: float
     dt: float
+    noise: Noise = OwnNoise()
 
     @cached_property
     def slots(self) -> tuple[Slot, ...]:

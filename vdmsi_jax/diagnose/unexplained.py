@@ -72,6 +72,7 @@ def slow_error(
     mask: Bool[np.ndarray, "R N"],
     dt: float,
     least: float = LARGE,
+    noise: float = 0.0,
 ) -> Unexplained | None:
     """A slow error that is large beside the response: noise with a colour can imitate anything that
     is slow, so no innovation shows it, and its size is what tells it.
@@ -83,14 +84,15 @@ def slow_error(
         mask: samples that count.
         dt: sample period, s.
         least: share of the response's spread, from which it is told.
+        noise: standard deviation of what is slow and known to be noise.
     """
     if not mask.any():
         return None
     slow = moving_mean(np.where(mask, residual, 0.0), SLOW, dt)
-    size = float(np.sqrt(np.mean(slow[mask] ** 2)))
+    size = float(np.sqrt(max(np.mean(slow[mask] ** 2) - noise**2, 0.0)))
     fast = float(np.sqrt(np.mean(innovations[mask] ** 2)))
     spread = extent(response[mask])
-    if size < least * spread or size < _BESIDE * fast:
+    if size < least * spread or size < max(_BESIDE * fast, noise):
         return None
     share = min(size**2 / max(float(np.mean(residual[mask] ** 2)), 1e-300), 1.0)
     words = f"a slow error of {100.0 * size / spread:.0f} % of the response's spread"

@@ -126,7 +126,11 @@ def _scores(
               "MSE extended", "noise (std)"]  # fmt: skip
     unseen = any(response.held_out.any() for response in d.responses)
     where = "the held-out data" if unseen else "the data of the fit, since none was held out"
-    return Table(header, rows, caption=f"On {where}. MSE is the mean squared error.")
+    caption = f"On {where}. MSE is the mean squared error."
+    again = " and ".join(c for c, score in before.items() if score.noise_by == "repeat")
+    if again:
+        caption += f" The noise of {again} is what runs with the same commands differ by."
+    return Table(header, rows, caption=caption)
 
 
 def _finding(finding: Finding) -> list[Block]:
