@@ -76,12 +76,13 @@ class Trial:
 
     def believed(self, share: float, puzzling: bool) -> bool:
         """Whether a cause that takes this share of the squared error is named: where much is left
-        that nothing explains, which is slow, a name must take nearly all, or hold from block to
-        block, or take most by what it does fast."""
+        that nothing explains, which is slow, a name must take nearly all, or take much or something
+        of most blocks and hold from block to block, or take most by what it does fast."""
         plain = (self.gain.after - self.gain.before) / max(self.gain.se, 1e-300)
         if puzzling:
             sharp = self.fast > _FAST and share > _MOST and plain > _VERY_STEADY
-            return sharp or share > _NEARLY_ALL or self.steady > _VERY_STEADY
+            lasting = self.steady > _VERY_STEADY and (share > _MUCH or self.gain.typical > 0.0)
+            return sharp or share > _NEARLY_ALL or lasting
         return share > _MUCH or max(self.steady, plain) > _STEADY
 
 

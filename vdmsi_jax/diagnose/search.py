@@ -322,7 +322,9 @@ def _eliminate(stage: Stage, now: Refit, seen: dict[tuple, Refit]) -> Refit:
         best = max(fits, key=lambda f: score(stage, f))
         gone = next(iter(set(now.hypothesis.active) - set(best.hypothesis.active)))
         late = stage.slots[gone].cause == "transport_delay"
-        if score(stage, best) < score(stage, now) - (_told(stage, best, seen) if late else 0.0):
+        if score(stage, best) < score(stage, now) - (
+            _told(stage, now, best, seen) if late else 0.0
+        ):
             return now
         if _rings(stage, now, best, seen):
             return now
@@ -330,9 +332,11 @@ def _eliminate(stage: Stage, now: Refit, seen: dict[tuple, Refit]) -> Refit:
     return now
 
 
-def _told(stage: Stage, poles: Refit, seen: Mapping[tuple, Refit]) -> float:
-    """What poles for a delay may cost: beside other causes a part of what those are worth, since
-    where their form is not exact, a delay mends it."""
+def _told(stage: Stage, late: Refit, poles: Refit, seen: Mapping[tuple, Refit]) -> float:
+    """What poles for a delay may cost: one pole a little, two more nothing; and beside other causes
+    a part of what those are worth, since where their form is not exact, a delay mends it."""
+    if poles.hypothesis.poles > late.hypothesis.poles + 1:
+        return 0.0
     if backward(poles.hypothesis).size:  # a delay by another name
         return _TOLD
     plain = max(score(stage, f) for f in seen.values() if not f.hypothesis.active)
