@@ -258,7 +258,7 @@ class Evidence:
             slot = cause.search.stage.slots[k]
             if any((slot.cause, slot.where) == (r.cause, r.where) for r in rivals):
                 other = _in_place(cause.search, cause.finding.less, k)
-                return separate(cause.search.stage, cause.search.final, cause.finding.number, other)
+                return separate(cause.search.stage, cause.search.final, other)
         return _SENSOR
 
     def _road(self) -> Road | None:
