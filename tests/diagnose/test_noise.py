@@ -8,6 +8,7 @@ from vdmsi_jax.diagnose.colour import spectrum, whiten
 from vdmsi_jax.diagnose.noise import KnownNoise, OwnNoise, Pair, pairs, repeated
 
 DT, ROWS = 0.02, 2000
+LOGS = ("a", "b", "c", "d")
 PLANT = vj.PlantSpec("servo", "u", "y")
 
 
@@ -41,7 +42,7 @@ def everywhere(runs: int, rows: int = ROWS) -> np.ndarray:
 def test_runs_with_the_same_commands_are_found_whenever_they_were_begun():
     u = steps(1, ROWS + 300)
     commands = np.stack([u[:ROWS], steps(2), u[170 : 170 + ROWS], u[:ROWS] + 0.001])[None]
-    found = pairs(commands, everywhere(4), DT)
+    found = pairs(commands, everywhere(4), LOGS, DT)
     assert found == (Pair(0, 2, 170, 0, ROWS - 170), Pair(0, 3, 0, 0, ROWS))
     same = Pair(0, 2, 170, 0, ROWS - 170).cut(commands[0])
     assert np.array_equal(*same)
@@ -49,12 +50,13 @@ def test_runs_with_the_same_commands_are_found_whenever_they_were_begun():
 
 def test_other_commands_or_none_or_a_short_stretch_of_them_are_no_repeat():
     u, other = steps(1), steps(2)
-    assert pairs(np.stack([u, other])[None], everywhere(2), DT) == ()
-    assert pairs(np.stack([[u, u], [u, other]]), everywhere(2), DT) == ()  # the steering differs
-    assert pairs(np.full((1, 2, ROWS), 3.0), everywhere(2), DT) == ()
+    assert pairs(np.stack([u, other])[None], everywhere(2), LOGS, DT) == ()
+    assert pairs(np.stack([[u, u], [u, other]]), everywhere(2), LOGS, DT) == ()
+    assert pairs(np.full((1, 2, ROWS), 3.0), everywhere(2), LOGS, DT) == ()
+    assert pairs(np.stack([u, u])[None], everywhere(2), ("a", "a"), DT) == ()  # parts of one log
     short = everywhere(2)
     short[1, 300:] = False  # 6 s
-    assert pairs(np.stack([u, u])[None], short, DT) == ()
+    assert pairs(np.stack([u, u])[None], short, LOGS, DT) == ()
 
 
 def test_the_noise_is_that_of_the_runs_without_what_their_starts_leave():
@@ -63,7 +65,7 @@ def test_the_noise_is_that_of_the_runs_without_what_their_starts_leave():
     y = np.stack([lagged(u, 2.0), lagged(u, -1.0)]) + noise
     known = everywhere(2)
     known[0, 700:760] = False
-    found = repeated(pairs(np.stack([u, u])[None], known, DT), y, known, 0.3, DT)
+    found = repeated(pairs(np.stack([u, u])[None], known, LOGS, DT), y, known, 0.3, DT)
     assert found is not None and found.by == "repeat"
     assert not found.counted[0, 700:760].any()
     truth = ((noise[0] - noise[1]) / np.sqrt(2.0))[found.counted[0]]
@@ -75,7 +77,7 @@ def test_the_noise_is_that_of_the_runs_without_what_their_starts_leave():
 def test_one_log_given_twice_tells_no_noise():
     u = steps(3)
     y = np.stack([lagged(u, 0.0)] * 2) + 0.01 * wandering(4)
-    pair = pairs(np.stack([u, u])[None], everywhere(2), DT)
+    pair = pairs(np.stack([u, u])[None], everywhere(2), LOGS, DT)
     assert pair and repeated(pair, y, everywhere(2), 0.3, DT) is None
 
 

@@ -8,7 +8,7 @@ reference is noise that was seen elsewhere: at rest, or on another day.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -173,19 +173,24 @@ class Pair:
 
 
 def pairs(
-    commands: Float[np.ndarray, "C R N"], known: Bool[np.ndarray, "R N"], dt: float
+    commands: Float[np.ndarray, "C R N"],
+    known: Bool[np.ndarray, "R N"],
+    logs: Sequence[Hashable],
+    dt: float,
 ) -> tuple[Pair, ...]:
     """Runs with the same commands, each with the first that it repeats.
 
     Args:
         commands: all that a run was told.
         known: where something was measured.
+        logs: which one each is a part of. Parts of one that go round in the same way are no
+            repeats: what changes while it lasts is no noise.
         dt: sample period, s.
     """
     found = []
     stops = [int(np.flatnonzero(use).max()) + 1 if use.any() else 0 for use in known]
     for j in range(len(stops)):
-        for i in range(j):
+        for i in (i for i in range(j) if logs[i] != logs[j]):
             shift = _shift(commands[:, i, : stops[i]], commands[:, j, : stops[j]])
             first, begin = max(shift, 0), max(-shift, 0)
             rows = min(stops[i] - first, stops[j] - begin)

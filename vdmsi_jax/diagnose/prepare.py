@@ -239,8 +239,11 @@ def stage_of(runs: Runs, spec: PlantSpec, reference: KnownNoise | None = None) -
 def repeats(runs: Runs, commands: Iterable[str]) -> tuple[Pair, ...]:
     """Runs that were told the same by all of these commands that were logged."""
     told = [runs.channel(c) for c in sorted(commands) if all(c in r for r in runs.records)]
-    sizes = np.subtract(runs.stops, runs.starts)
-    return pairs(np.stack(told), np.arange(runs.length) < sizes[:, None], runs.dt) if told else ()
+    if not told:
+        return ()
+    inside = np.arange(runs.length) < np.subtract(runs.stops, runs.starts)[:, None]
+    logs = [(id(record), name) for record, name in zip(runs.records, runs.names, strict=True)]
+    return pairs(np.stack(told), inside, logs, runs.dt)
 
 
 def make_stage(name, u, y, mask, held_out, shared, allowed, wheres, dt) -> Stage:
