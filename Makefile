@@ -34,7 +34,7 @@ test: .venv/.test  ## the tests, without the slow ones
 	$(PYTEST) --durations=10
 
 test-slow: .venv/.test  ## the slow tests only
-	$(PYTEST) -m slow
+	$(PYTEST) -m slow --durations=10
 
 lint: .venv/.dev  ## ruff and pyright
 	$(BIN)/ruff check .
