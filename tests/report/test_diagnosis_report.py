@@ -117,6 +117,15 @@ def test_what_remains_is_said_where_when_and_on_what():
     assert "No significant structure is left" in clean and "No cause had to be added" in clean
 
 
+def test_noise_that_a_repeat_tells_is_said_to_be_that():
+    diagnosis = made_up_diagnosis.explained()
+    assert "runs with the same commands" not in said(diagnosis)
+    (first, score), *rest = diagnosis.channels.items()
+    again = {first: dataclasses.replace(score, noise_by="repeat"), **dict(rest)}
+    text = said(diagnosis, channels=again)
+    assert f"The noise of {first} is what runs with the same commands differ by." in text
+
+
 def test_a_gain_on_seen_data_is_not_sold_as_held_out():
     text = said(made_up_diagnosis.siso())
     assert "On the data of the fit (none was held out) the FIT of speed goes from" in text
