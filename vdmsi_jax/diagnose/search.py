@@ -155,13 +155,9 @@ def _worse(scored: Scored, stage: Stage) -> bool:
 
 
 def _instead(stage: Stage, less: Refit, seen: Mapping[tuple, Refit], failed: set[int]) -> Refit:
-    """The best model that has the causes of `less` and none that failed."""
-    kept = set(less.hypothesis.active)
-    fits = [
-        f
-        for f in seen.values()
-        if kept <= set(f.hypothesis.active) and not failed & set(f.hypothesis.active)
-    ]
+    """The best model without what failed: `less`, or one that was passed by on the way. The causes
+    beside it that failed may have served it alone."""
+    fits = [f for f in seen.values() if not failed & set(f.hypothesis.active)]
     return max([less, *fits], key=lambda f: score(stage, f))
 
 
