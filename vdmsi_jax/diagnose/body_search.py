@@ -166,6 +166,10 @@ def _extended(body: Body, now: BodyFit, timed: bool) -> BodyFit:
     while len(now.active) < _MOST:
         promising = [s for s in screen_body(body, now) if s[0] > 8.0][:_REFITTED]
         fits = refit_body(body, [_with(now, k, theta) for _, k, theta in promising])
+        fits = [  # what falls short of its promise is not there yet: the colour was another's
+            polished(body, f) if 2.0 * (f.loglik - now.loglik) < gain else f
+            for f, (gain, _, _) in zip(fits, promising, strict=True)
+        ]
         best = max(fits, key=score, default=now)
         if timed and (not now.active or score(best) <= score(now)):
             best = max([best, *refit_body(body, _timed(body, now))], key=score)
