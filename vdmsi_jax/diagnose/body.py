@@ -21,7 +21,7 @@ from ..models.bicycle import Bicycle
 from ..parameters import parameters
 from .chain import Chain
 from .colour import filter_length, settled
-from .noise import Pair
+from .noise import PER_LAG, Pair, differences, shared
 
 WINDOW = 0.5
 """Length of a pose increment, s."""
@@ -33,7 +33,6 @@ wheelbases; and side slip of the rear by lateral acceleration, rad s^2/m."""
 
 CHANNELS = ("r", "psi", "forward", "aside")
 _LANES = 8  # of a compiled program
-_PER_LAG = 20  # samples of a difference of repeats for each coefficient of a colour
 _SETTLED = 0.7  # of a channel's samples, that have all of the past that its colour sees
 
 
@@ -135,11 +134,8 @@ class Body:
         """Rows of the differences of repeats whose past is known; of channels with enough."""
         found = {}
         for c, mask in self.mask.items():
-            both = np.zeros((len(self.repeats), mask.shape[1]), bool)
-            for row, pair in zip(both, self.repeats, strict=True):
-                row[: pair.rows] = pair.both(mask)
-            counted = settled(both, self.order[c])
-            if counted.sum() >= _PER_LAG * self.order[c]:
+            counted = settled(shared(self.repeats, mask), self.order[c])
+            if counted.sum() >= PER_LAG * self.order[c]:
                 found[c] = counted
         return found
 
@@ -150,10 +146,7 @@ class Body:
         else the residual itself."""
         if channel not in self._repeated:
             return left, self.counted[channel]
-        rows = np.zeros((len(self.repeats), left.shape[1]))
-        for row, pair in zip(rows, self.repeats, strict=True):
-            row[: pair.rows] = pair.difference(left)
-        return rows, self._repeated[channel]
+        return differences(self.repeats, left), self._repeated[channel]
 
     @property
     def nuisance(self) -> tuple[int, ...]:

@@ -21,7 +21,8 @@ from .windows import SLOW, moving_mean
 _SAME = 0.01  # rms difference of commands, of their spread, up to which they are the same
 _SHARED = 0.6  # of the shorter run, that both must have
 _SHORTEST = 10.0  # s, likewise
-_PER_LAG = 20  # samples of a difference for each coefficient of a colour
+PER_LAG = 20
+"""Samples of noise for each coefficient of its colour."""
 _MANY = 1_000_000  # samples, of which a colour has all of its coefficients
 _SETTLES = 2.0  # time constants of the plant, after which a start is nearly forgotten
 _STARTS = (0.5, 1.0, 2.0)  # time constants in which the rest of it dies away
@@ -86,6 +87,7 @@ class KnownNoise(Noise):
             by: `repeat` or `reference`.
         """
         self.samples, self.counted, self.dt, self.by = samples, counted, dt, by
+        self._coefficients: dict[int, np.ndarray] = {}
         slow = moving_mean(np.where(counted, samples, 0.0), SLOW, dt)
         self.std = float(np.sqrt(np.mean(samples[counted] ** 2)))
         self.slow = float(np.sqrt(np.mean(slow[counted] ** 2)))
@@ -105,7 +107,7 @@ class KnownNoise(Noise):
         if not np.isfinite(rows).all() or not np.std(rows) > 0.0:
             problem = "noise that is constant, or not finite"
             raise InputError("reference", "samples", problem, "give what a sensor tells at rest")
-        least = _PER_LAG * filter_length(dt, _MANY)
+        least = PER_LAG * filter_length(dt, _MANY)
         if rows.shape[1] < least:
             problem = f"{rows.shape[1]} samples of noise are too few for its colour"
             raise InputError("reference", "samples", problem, f"give at least {least} in a row")
@@ -126,9 +128,11 @@ class KnownNoise(Noise):
 
     def coefficients(self, order: int) -> Float[np.ndarray, " order"]:
         """Of its whitening filter; of few samples only as many as they tell."""
-        told = max(1, min(order, int(self.counted.sum()) // _PER_LAG))
-        own = autoregression(self.samples[None], self.counted, told)[0]
-        return np.pad(own, (0, order - told))
+        if order not in self._coefficients:
+            told = max(1, min(order, int(self.counted.sum()) // PER_LAG))
+            own = autoregression(self.samples[None], self.counted, told)[0]
+            self._coefficients[order] = np.pad(own, (0, order - told))
+        return self._coefficients[order]
 
     def colours(self, left, mask, order):
         return np.tile(self.coefficients(order), (len(left), 1))
@@ -170,6 +174,22 @@ class Pair:
         """Of either run of a signal (runs, N) the rows where they agree."""
         a, b = x[self.one, self.first :], x[self.other, self.begin :]
         return a[: self.rows], b[: self.rows]
+
+
+def differences(found: Sequence[Pair], x: Float[np.ndarray, "R N"]) -> Float[np.ndarray, "P N"]:
+    """`Pair.difference` of a signal for each pair, zero beyond its rows."""
+    rows = np.zeros((len(found), x.shape[1]))
+    for row, pair in zip(rows, found, strict=True):
+        row[: pair.rows] = pair.difference(x)
+    return rows
+
+
+def shared(found: Sequence[Pair], known: Bool[np.ndarray, "R N"]) -> Bool[np.ndarray, "P N"]:
+    """`Pair.both` for each pair, likewise."""
+    rows = np.zeros((len(found), known.shape[1]), bool)
+    for row, pair in zip(rows, found, strict=True):
+        row[: pair.rows] = pair.both(known)
+    return rows
 
 
 def pairs(
@@ -223,16 +243,14 @@ def repeated(
         dt: sample period, s.
     """
     spread = max((float(np.std(row[use])) for row, use in zip(y, known, strict=True)), default=0.0)
-    samples, counted = np.zeros((len(found), y.shape[1])), np.zeros((len(found), y.shape[1]), bool)
-    for k, pair in enumerate(found):
-        both = pair.both(known)
-        both[: min(round(_SETTLES * slow / dt), pair.rows // 4)] = False
-        starts = np.exp(-dt / slow * np.arange(pair.rows) / np.array(_STARTS)[:, None]).T[both]
-        left = pair.difference(y)[both]
-        left = left - starts @ np.linalg.lstsq(starts, left, rcond=1e-9)[0]
-        if left.size > _SHORTEST / dt and np.std(left) > _NOTHING * spread:
-            at = np.flatnonzero(both)
-            samples[k, at], counted[k, at] = left, True
+    samples, counted = differences(found, y), shared(found, known)
+    t = dt * np.arange(y.shape[1])
+    starts = np.exp(-t / slow / np.array(_STARTS)[:, None]).T
+    for row, use, pair in zip(samples, counted, found, strict=True):
+        use[: min(round(_SETTLES * slow / dt), pair.rows // 4)] = False
+        row[use] -= starts[use] @ np.linalg.lstsq(starts[use], row[use], rcond=1e-9)[0]
+        use &= bool(use.sum() > _SHORTEST / dt and np.std(row[use]) > _NOTHING * spread)
+        row[~use] = 0.0
     return KnownNoise(samples, counted, dt, "repeat") if counted.any() else None
 
 

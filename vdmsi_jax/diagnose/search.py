@@ -318,9 +318,8 @@ def _eliminate(stage: Stage, now: Refit, seen: dict[tuple, Refit]) -> Refit:
         best = max(fits, key=lambda f: score(stage, f))
         gone = next(iter(set(now.hypothesis.active) - set(best.hypothesis.active)))
         late = stage.slots[gone].cause == "transport_delay"
-        if score(stage, best) < score(stage, now) - (
-            _told(stage, now, best, seen) if late else 0.0
-        ):
+        spared = _told(stage, now, best, seen) if late else 0.0
+        if score(stage, best) < score(stage, now) - spared:
             return now
         if _rings(stage, now, best, seen):
             return now
