@@ -6,6 +6,7 @@ import pytest
 import vdmsi_jax as vj
 from vdmsi_jax.diagnose.colour import spectrum, whiten
 from vdmsi_jax.diagnose.noise import KnownNoise, OwnNoise, Pair, pairs, repeated
+from vdmsi_jax.diagnose.prepare import lay_out, repeats
 
 DT, ROWS = 0.02, 2000
 LOGS = ("a", "b", "c", "d")
@@ -142,3 +143,22 @@ def test_a_cause_is_found_beside_noise_that_a_repeat_tells():
     found = vj.diagnose(logs(steps(1), steps(1), steps(3), dead=0.1, wander=0.05))
     assert [f.cause for f in found.findings] == ["dead_zone"]
     assert found.findings[0].parameters["half_width"].value == pytest.approx(0.1, rel=0.15)
+
+
+def test_a_vehicle_whose_steering_is_not_known_to_be_alike_is_no_repeat():
+    geometry, noise = vj.VehicleGeometry(l_f=1.2, l_r=1.5), np.random.default_rng(3)
+
+    def drives(**channels):
+        made = []
+        for run in range(2):
+            own = {c: x + 0.01 * noise.standard_normal(ROWS) for c, x in channels.items()}
+            v_cmd = 5.0 + steps(1)
+            v = lagged(v_cmd, 5.0) + 0.01 * noise.standard_normal(ROWS)
+            own |= {"v_cmd": v_cmd, "v": v}
+            if "delta" in channels:
+                own["r"] = own["v"] * own["delta"] / 2.7
+            made.append(vj.Record.from_arrays(dt=DT, name=f"{run}", vehicle=geometry, **own))
+        return lay_out(made)
+
+    assert len(repeats(drives())) == 1  # no steering at all
+    assert repeats(drives(delta=0.1 * steps(2))) == ()

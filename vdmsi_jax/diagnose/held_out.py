@@ -32,7 +32,7 @@ def judges(records: Sequence[Record]) -> set[int] | None:
         choices = [last, *(c for c in combinations(range(count), held) if c != last)]
     else:
         choices = [last, *(tuple(range(k, k + held)) for k in range(0, count - held, held))]
-    channels = sorted(_driving(records))
+    channels = sorted(driving(records))
     described = [{c: _described(r, c) for c in channels if c in r} for r in records]
     looked = [[_compared(described, c, own) for c in channels] for own in choices]
     news = [max((new for new, _ in each), default=0.0) for each in looked]
@@ -43,7 +43,7 @@ def judges(records: Sequence[Record]) -> set[int] | None:
     return set(choices[min(fit, key=lambda k: news[k])]) if fit else None
 
 
-def _driving(records: Sequence[Record]) -> set[str]:
+def driving(records: Sequence[Record]) -> set[str]:
     """The channels that tell how a log was driven: commands, and of a vehicle speed and angle where
     no command of theirs was logged."""
     plants = [p for r in records for p in r.plants if p.input in r]

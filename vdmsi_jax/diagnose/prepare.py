@@ -1,6 +1,6 @@
 """From records to stages: runs side by side, what is held out, and the sizes of the signals."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
@@ -15,7 +15,7 @@ from ..effects import ACTUATOR, AbstractEffect, Scales, Signals
 from ..models.bicycle import Bicycle
 from .body import CHANNELS, WINDOW, Body, increments
 from .found import Search
-from .held_out import judges
+from .held_out import driving, judges
 from .noise import KnownNoise, Pair, pairs, repeated
 from .stage import Stage
 from .windows import moving_mean
@@ -36,7 +36,6 @@ _FOREIGN = {
     "steering": {"drag", "road_grade", "coulomb_friction against response"}
     | {f"cross_coupling by {by}" for by in ("signed", "size", "square", "slowed")},
 }
-_COMMANDS = {"v_cmd", "delta_cmd"}  # of a vehicle
 _VEHICLES_ONLY = {"cross_coupling", "speed_dependent_gain", "drag", "road_grade"}
 
 
@@ -231,14 +230,15 @@ def stage_of(runs: Runs, spec: PlantSpec, reference: KnownNoise | None = None) -
     stage = make_stage(spec.name, u, y, *masks, shared, allowed, wheres, runs.dt)
     if reference is not None:
         return replace(stage, noise=reference.at(runs.dt))
-    commands = {spec.input} | (_COMMANDS if is_vehicle else set())
-    known = repeated(repeats(runs, commands), y, seen, stage.scales.time_constant, runs.dt)
+    known = repeated(repeats(runs), y, seen, stage.scales.time_constant, runs.dt)
     return stage if known is None else replace(stage, noise=known)
 
 
-def repeats(runs: Runs, commands: Iterable[str]) -> tuple[Pair, ...]:
-    """Runs that were told the same by all of these commands that were logged."""
-    told = [runs.channel(c) for c in sorted(commands) if all(c in r for r in runs.records)]
+def repeats(runs: Runs) -> tuple[Pair, ...]:
+    """Runs that were driven alike, by all that tells it: where a vehicle's command was not logged,
+    what was measured, whose noise is never the same."""
+    every = [c for c in sorted(driving(runs.records)) if all(c in r for r in runs.records)]
+    told = [runs.channel(c) for c in every]
     if not told:
         return ()
     inside = np.arange(runs.length) < np.subtract(runs.stops, runs.starts)[:, None]
@@ -355,7 +355,7 @@ def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
     bicycle = Bicycle(vehicle.wheelbase - behind, behind)
     return Body(
         smooth["v"], smooth["delta"], v - smooth["v"], delta - smooth["delta"],
-        measured, mask, held_out, bicycle, runs.dt, repeats=repeats(runs, _COMMANDS),
+        measured, mask, held_out, bicycle, runs.dt, repeats=repeats(runs),
     )  # fmt: skip
 
 
