@@ -6,7 +6,7 @@ BIN := .venv/bin
 # share what takes long to compile by a cache that goes with the environment.
 PYTEST := JAX_COMPILATION_CACHE_DIR=$(CURDIR)/.venv/programs \
     JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS=0.3 \
-    $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
+    $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
 .PHONY: help demo paper record test test-slow lint format notebooks bench hunt calibrate clean
 .DEFAULT_GOAL := help

@@ -13,7 +13,7 @@ from vdmsi_jax.effects.base import AbstractEffect, Effort, Signals, late
 from vdmsi_jax.models.linear_plant import LinearPlant
 from vdmsi_jax.models.observer_form import ahead_of, led, slowness_of, steps_of
 from vdmsi_jax.models.plant import AbstractPlant, AbstractTrace, PlantResponse
-from vdmsi_jax.models.state_space import StateSpace
+from vdmsi_jax.models.state_space import StateSpace, propagate
 from vdmsi_jax.models.transfer_function import TransferFunction
 
 
@@ -256,10 +256,14 @@ def _moved(
         return _dynamics(system, steps, rest, forces, held, signals, start, load)
 
     def free(held: Array) -> Array:
-        return _dynamics(system, steps, rest, (), held, signals, start)
+        first = rest * held[0] if start is None else start
+        moving = propagate(steps[0][0], steps[1][0], first, held)
+        return moving.read(system.C[:, None])[:, 0] + system.D * held
 
-    if on is None or not inside:
+    if on is None:  # bit for bit the same with forces that are off as without any
         return moved(held)
+    if not inside:
+        return free(held)
     return lax.cond(jnp.any(on[np.array(inside)]), moved, free, held)
 
 
