@@ -11,6 +11,7 @@ from rich.table import Table
 from .compare import Comparison
 from .diagnose.document import in_words, left_over, title
 from .diagnose.result import Diagnosis
+from .diagnose.words import disturbed
 from .identify.result import OrderGrid
 from .reproduce import Experiments
 
@@ -140,6 +141,8 @@ def show_diagnosis(diagnosis: Diagnosis) -> None:
         show_table(header, rows)
     for left in diagnosis.unexplained:
         _say(left_over(left))
+    for left in diagnosis.disturbances:
+        _say(disturbed(left))
     if diagnosis.minor:
         names = ", ".join(title(finding) for finding in diagnosis.minor)
         _say(f"Significant, but small or not sure enough to be named: {names}.")

@@ -5,6 +5,7 @@ import pytest
 
 from vdmsi_jax.data.record import Record
 from vdmsi_jax.diagnose.chain import bands, regress
+from vdmsi_jax.diagnose.disturbance import demands
 from vdmsi_jax.diagnose.judge import Scored, Trial, confirmed, gain_of
 from vdmsi_jax.diagnose.prepare import lay_out
 from vdmsi_jax.diagnose.result import Gain
@@ -19,23 +20,60 @@ NOISE = 0.03 * RNG.standard_normal((1, N))
 EVERYWHERE = np.ones((1, N), bool)
 
 
-def slow(size):
-    residual = NOISE + size * np.sin(2 * np.pi * T / 7.0)
-    return slow_error("v", residual, NOISE, RESPONSE, EVERYWHERE, DT)
+COMMAND = RESPONSE.copy()
+ASKED = demands(COMMAND, RESPONSE, EVERYWHERE, DT)
+
+
+def slow(error):
+    masks = EVERYWHERE, ~EVERYWHERE
+    return slow_error("v", NOISE + error, NOISE, RESPONSE, ASKED, masks, DT)
+
+
+def wind(size, seconds=1.5):
+    """Gaussian, of a first-order spectrum."""
+    rng, keep = np.random.default_rng(7), np.exp(-DT / seconds)
+    gusts = np.empty((1, N))
+    gusts[:, 0] = rng.standard_normal()
+    for k, now in enumerate(np.sqrt(1.0 - keep**2) * rng.standard_normal(N - 1)):
+        gusts[:, k + 1] = keep * gusts[:, k] + now
+    return size * gusts
+
+
+def when_it_jumps(x):
+    """Where the response has just jumped."""
+    since = T % 4.5
+    return np.where(since < 1.0, x, 0.0)
 
 
 def test_noise_is_no_slow_error():
     assert slow(0.0) is None
 
 
-def test_a_slow_error_is_told_by_its_size_alone():
-    found = slow(0.4)
+def test_wind_is_told_as_steady_unless_it_is_all_there_is():
+    found = slow(wind(0.3))
+    assert found is not None and found.steady and not found.puzzling
+    assert found.fraction > 0.8  # of the residual
+    assert slow(wind(0.05)) is None  # small beside the response
+    all_there_is = slow(wind(1.0))
+    assert all_there_is is not None and all_there_is.puzzling and not all_there_is.steady
+
+
+def test_a_slow_error_that_goes_with_what_is_asked_is_the_model_s():
+    found = slow(when_it_jumps(wind(0.6)))
+    assert found is not None and found.puzzling and not found.steady
+
+
+def test_a_slow_error_that_comes_in_events_is_the_model_s():
+    at = np.array([11.3, 31.7, 47.9])[:, None]
+    gusts = np.sum(1.2 * np.exp(-(((T - at) / 0.8) ** 2)), axis=0)
+    found = slow(gusts[None])
     assert found is not None and found.puzzling
-    assert found.fraction > 0.9  # of the residual
 
 
-def test_a_slow_error_that_is_small_beside_the_response_is_none():
-    assert slow(0.05) is None
+def test_a_smaller_one_is_told_where_it_surely_goes_with_what_is_asked():
+    found = slow(when_it_jumps(wind(0.2)))
+    assert found is not None and found.puzzling and found.size < 0.05
+    assert slow(wind(0.08)) is None
 
 
 def burst(seconds: float, size: float) -> list:

@@ -43,6 +43,7 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
         "findings": [finding_document(finding) for finding in diagnosis.findings],
         "minor": [finding_document(finding) for finding in diagnosis.minor],
         "unexplained": [_unexplained(left) for left in diagnosis.unexplained],
+        "disturbances": [_unexplained(left) for left in diagnosis.disturbances],
         "noise_ceiling": {
             channel: {"fit": score.ceiling} for channel, score in diagnosis.channels.items()
         },

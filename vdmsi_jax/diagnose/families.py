@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from .colour import autoregression, filter_length, whiten
+from .windows import history
 
 _ROUNDS = 4
 _SETTLED = 1.0  # gain of twice the log-likelihood by a round, after which another is not worth it
@@ -237,15 +238,6 @@ def better_than(
     others = [f for f in named if f not in own and f.sure(share)]
     better = [f for f in others if f.statistic > times * most + beyond]
     return max(better, key=lambda f: f.statistic, default=None)
-
-
-def history(x: Float[np.ndarray, "R N"], seconds: float, dt: float) -> Float[np.ndarray, "R N"]:
-    """Exponential mean of the past, over a time constant in s."""
-    n = x.shape[1]
-    size = 1 << (2 * n).bit_length()
-    weights = np.exp(-dt / seconds * np.arange(n))
-    summed = np.fft.irfft(np.fft.rfft(x, size) * np.fft.rfft(weights, size), size)[:, :n]
-    return summed / np.cumsum(weights)
 
 
 def plays(x: Float[np.ndarray, "R N"], halves: Sequence[float]) -> Float[np.ndarray, "k R N"]:

@@ -9,13 +9,14 @@ from .body import CAUSES, Body
 from .body_fit import BodyFit, residual
 from .body_search import BodyFinding, BodySearch
 from .colour import whiten
+from .disturbance import demands
 from .families import Explained, Family, better_than, explained, of_body, of_plant, weighed
 from .found import Failed, Finding, Search
 from .judge import Scored
 from .prepare import Runs, derived, steering_angle
 from .result import Unexplained
 from .stage import Stage
-from .unexplained import LARGE, LARGE_HELD_OUT, SMALL, extent, slow_error, structure
+from .unexplained import SMALL, extent, slow_error, structure
 from .windows import thinned
 
 _LOUD = 100.0  # of twice the log-likelihood, from which a cause that fails on other data is told
@@ -95,11 +96,11 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     kind = explained(weighed(*asked(spec, stage, final.y, evenly)), causes)
     found = _of_a_kind(spec.output, kind, causes, e, stage.y, stage.mask)
     found += structure(spec.output, e * evenly, white, *masks, runs.names, stage.dt)
-    for use, least in zip(masks, (LARGE, LARGE_HELD_OUT), strict=True):
-        slow = slow_error(spec.output, e, white, stage.y, use, stage.dt, least, stage.noise.slow)
-        if slow is not None:
-            found.append(slow)
-            break
+    needs = demands(stage.u, final.y, stage.mask | stage.held_out, stage.dt)
+    known = stage.noise.slow
+    slow = slow_error(spec.output, e, white, stage.y, needs, masks, stage.dt, known)
+    if slow is not None:
+        found.append(slow)
     for failed in own.failed:
         slot = stage.slots[failed.finding.number]
         label = f"{slot.cause} ({slot.where})"

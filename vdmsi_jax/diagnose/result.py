@@ -123,6 +123,7 @@ class Unexplained:
         puzzling: whether it is so large that causes named beside it may only stand in for it.
         size: of a slow error, or of one that is small, of the response's spread; else infinite.
         of_form: whether a cause that was found would explain it, were its form a freer one.
+        steady: whether it is a disturbance, such as wind: it does not go with what is asked.
     """
 
     channel: str
@@ -133,6 +134,7 @@ class Unexplained:
     puzzling: bool = False
     size: float = math.inf
     of_form: bool = False
+    steady: bool = False
 
 
 @dataclass(frozen=True)
@@ -259,6 +261,7 @@ class Diagnosis:
         findings: causes that the evidence supports and that matter, the strongest first.
         minor: causes that are significant, but small, or not sure enough to be named.
         unexplained: structure that is left.
+        disturbances: slow errors that are large and steady, and no fault of the model.
         baseline, model: identified plants without and with the causes.
         orders: by plant, the order of its baseline.
         channels: scores of the baseline; `extended` those of the model.
@@ -278,6 +281,7 @@ class Diagnosis:
     findings: tuple[Finding, ...]
     minor: tuple[Finding, ...]
     unexplained: tuple[Unexplained, ...]
+    disturbances: tuple[Unexplained, ...]
     baseline: Model
     model: Model
     orders: Mapping[str, str]

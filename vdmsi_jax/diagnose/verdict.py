@@ -57,6 +57,8 @@ class Evidence:
         models = (self.runs, self.searches, self.bodily)
         left, outdone = leftover(*models), stand_ins(*models)
         left += [u for _, u in outdone if u.fraction > 0.0]
+        disturbances = [u for u in left if u.steady]
+        left = [u for u in left if not u.steady]
         puzzles: dict[str, float] = {}
         for u in left:
             if u.puzzling:
@@ -106,6 +108,7 @@ class Evidence:
             findings=tuple(findings),
             minor=tuple(minor),
             unexplained=tuple(left),
+            disturbances=tuple(disturbances),
             baseline=plain_model(self.searches, self.records),
             model=extended_model(self.searches, self.bodily, self.records),
             orders={s.name: f.baseline.hypothesis.order for s, f in self.searches.items()},

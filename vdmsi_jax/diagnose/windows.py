@@ -18,6 +18,15 @@ def moving_mean(x: Float[np.ndarray, "R N"], seconds: float, dt: float) -> Float
     return (total[:, 2 * half + 1 :] - total[:, : -2 * half - 1]) / (2 * half + 1)
 
 
+def history(x: Float[np.ndarray, "R N"], seconds: float, dt: float) -> Float[np.ndarray, "R N"]:
+    """Exponential mean of the past, over a time constant in s."""
+    n = x.shape[1]
+    size = 1 << (2 * n).bit_length()
+    weights = np.exp(-dt / seconds * np.arange(n))
+    summed = np.fft.irfft(np.fft.rfft(x, size) * np.fft.rfft(weights, size), size)[:, :n]
+    return summed / np.cumsum(weights)
+
+
 def block_sums(rows: Float[np.ndarray, "... n"], blocks: int) -> Float[np.ndarray, "... blocks"]:
     """Sums over equal blocks of the last axis."""
     n = rows.shape[-1]

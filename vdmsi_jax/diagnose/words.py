@@ -1,6 +1,6 @@
 """The answer in words that an engineer acts on."""
 
-from .result import Diagnosis, Finding
+from .result import Diagnosis, Finding, Unexplained
 
 _SPOILT = 0.05  # of the mean translation error, by which a path is worse
 _MOST = 3  # rivals that a sentence names
@@ -81,4 +81,13 @@ def summary(d: Diagnosis) -> str:
     for u in d.unexplained[:3]:
         why = f"; {u.test}" if u.test else ""
         said.append(f"Unexplained in {u.channel}: {100 * u.fraction:.1f} % of what remains{why}.")
+    said += map(disturbed, d.disturbances)
     return " ".join(said)
+
+
+def disturbed(u: Unexplained) -> str:
+    """A steady disturbance as a sentence."""
+    return (
+        f"{u.channel} is disturbed: {u.test} does not go with what is commanded, "
+        "as wind or rough ground would not."
+    )

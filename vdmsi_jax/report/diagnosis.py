@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from .. import plots
 from ..diagnose.document import in_words, title
 from ..diagnose.result import ChannelScore, Diagnosis, Estimate, Finding, Gain, Response
+from ..diagnose.words import disturbed
 from ..plots.style import pretty_unit, squared_unit
 from .identification import what_was_read
 from .page import Block, Bullets, Page, Picture, Section, Table, Text, Tiles
@@ -320,6 +321,7 @@ def _remains(d: Diagnosis) -> list[Block]:
         blocks.append(Table(header, rows, caption=caption, strong=range(len(rows))))
     else:
         blocks.append(Text("No significant structure is left in any channel."))
+    blocks += [Text(disturbed(left)) for left in d.disturbances]
     for response in d.responses:
         blocks.append(
             Picture(

@@ -1,0 +1,87 @@
+"""Is an error that lasts a disturbance, which every drive has, or does something make it?
+
+Wind and rough ground are steady: a Gaussian process that does not ask what is commanded. An error
+that the model makes is large where much is asked of the actuator, and what comes in events is small
+most of the time. Both are compared with surrogates that have the spectrum of the error, and phases
+of their own, so nothing is asked of its colour.
+
+Source: Theiler et al., Testing for nonlinearity in time series: the method of surrogate data
+(Physica D 58, 1992).
+"""
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from .windows import SLOW, history, moving_mean
+
+_SURROGATES = 200
+_STRETCH = 0.5  # s, over which energy is summed
+_PASTS = (0.3, 1.0, 3.0)  # s, of what is asked, that an error may remember
+_FLOOR = 1e-3  # of the mean energy, below which a stretch is as good as quiet
+_FEW = 20  # stretches, below which nothing can be told
+
+
+def demands(
+    u: Float[np.ndarray, "R N"],
+    y: Float[np.ndarray, "R N"],
+    mask: Bool[np.ndarray, "R N"],
+    dt: float,
+) -> Float[np.ndarray, "4 R N"]:
+    """How much is asked of an actuator: the sizes of a command and of a simulated response, and of
+    their rates."""
+    rates = [np.abs(np.gradient(x, dt, axis=1)) for x in (u, y)]
+    return np.stack([*rates, np.abs(u - u[mask].mean()), np.abs(y)])
+
+
+def scores(
+    e: Float[np.ndarray, "R N"],
+    asked: Float[np.ndarray, "k R N"],
+    mask: Bool[np.ndarray, "R N"],
+    dt: float,
+) -> tuple[float, float]:
+    """By how many of their standard deviations an error is beyond its surrogates: in how its energy
+    goes with what is asked, and in how rare its large values are. Zero where there is too little.
+
+    Args:
+        e: the error.
+        asked: `demands`.
+        mask: samples that count.
+        dt: sample period, s.
+    """
+    rng = np.random.default_rng(0)
+    length = max(1, round(_STRETCH / dt))
+    whole = _stretches(mask.astype(float), length) > 0.999
+    if whole.sum() < _FEW:
+        return 0.0, 0.0
+    recent = [history(x, seconds, dt) for seconds in _PASTS for x in asked]
+    rows = _stretches(np.stack(recent), length)[:, whole]
+    rows = rows - rows.mean(axis=1, keepdims=True)
+    sizes = np.sqrt(np.sum(rows**2, axis=1))
+    rows = rows[sizes > 0] / sizes[sizes > 0, None]
+
+    def told(e: np.ndarray) -> tuple[float, float]:
+        energy = _stretches(e**2, length)[whole]
+        energy = np.log(energy + _FLOOR * energy.mean() + 1e-300)
+        energy = energy - energy.mean()
+        along = np.abs(rows @ energy).max(initial=0.0) / np.sqrt(np.sum(energy**2) + 1e-300)
+        slow = moving_mean(e, SLOW, dt)[mask]
+        slow = slow - slow.mean()
+        return float(along), float(np.log(np.mean(slow**4) / np.mean(slow**2) ** 2))
+
+    e = np.where(mask, e, 0.0)
+    spectrum = np.fft.rfft(e, axis=1)
+    own, others = np.array(told(e)), []
+    for _ in range(_SURROGATES):
+        phases = np.exp(2j * np.pi * rng.random(spectrum.shape))
+        others.append(
+            told(np.where(mask, np.fft.irfft(spectrum * phases, e.shape[1], axis=1), 0.0))
+        )
+    middle, spread = np.mean(others, axis=0), np.std(others, axis=0)
+    along, rare = (own - middle) / np.maximum(spread, 1e-12)
+    return float(along), float(rare)
+
+
+def _stretches(x: Float[np.ndarray, "... N"], length: int) -> Float[np.ndarray, "... K"]:
+    """Means over stretches of so many rows."""
+    whole = x.shape[-1] // length * length
+    return x[..., :whole].reshape(*x.shape[:-1], -1, length).mean(axis=-1)
