@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vdmsi_jax.diagnose.body import CAUSES, Body
+from vdmsi_jax.diagnose.body import CAUSES, WINDOW, Body, increments
 from vdmsi_jax.diagnose.body_search import search_body
 from vdmsi_jax.diagnose.noise import Pair
 from vdmsi_jax.models.bicycle import Bicycle
@@ -85,3 +85,31 @@ def test_runs_with_the_same_commands_tell_the_colour_where_both_are_fitted():
     assert counted[0, order : ROWS - 40].all() and not counted[0, ROWS - 40 :].any()
     for body in (alone, replace(again, mask={"r": alone.mask["r"] & [[True], [False]]})):
         assert np.array_equal(body.noise("r", left)[0], left)
+
+
+def test_a_speed_that_lags_is_told_by_the_pose_though_the_angle_was_made_of_it():
+    rng, lag, wheelbase = np.random.default_rng(6), 0.14, 2.7
+    t = DT / FINE * np.arange(ROWS * FINE)
+    speed = 3.0 + np.repeat(np.sign(np.sin(2.0 * np.pi * t[::FINE] / 3.7)), FINE)
+    told = np.empty(len(t))
+    v, lagging = 3.0, 3.0
+    keep, kept = (np.exp(-DT / FINE / tau) for tau in (0.3, lag))
+    for k, goal in enumerate(speed):
+        v = goal + keep * (v - goal)
+        lagging = v + kept * (lagging - v)
+        speed[k], told[k] = v, lagging
+    angle = 0.2 * np.sin(2.0 * np.pi * 0.17 * t)
+    psi = np.cumsum(speed * np.tan(angle) / wheelbase) * DT / FINE
+    x, y = (np.cumsum(speed * f(psi)) * DT / FINE for f in (np.cos, np.sin))
+    pose = [p[None, ::FINE] + 0.002 * rng.standard_normal((1, ROWS)) for p in (x, y, psi)]
+    made = np.arctan(np.tan(angle) * speed / told)[None, ::FINE]
+    window = round(WINDOW / DT)
+    channels = dict(zip(("psi", "forward", "aside"), increments(*pose, window), strict=True))
+    inside = np.ones((1, ROWS), bool)
+    inside[:, -window:] = False
+    here, nowhere = ({c: m for c in channels} for m in (inside, ~np.ones((1, ROWS), bool)))
+    zero, bicycle = np.zeros((1, ROWS)), Bicycle(wheelbase, 0.0)
+    given = told[None, ::FINE], made, zero, zero, channels, here, nowhere, bicycle, DT
+    found = found_in(Body(*given, by_yaw_rate=True))
+    assert set(found) == {"sensor_lag"}
+    assert found["sensor_lag"] == pytest.approx(lag, rel=0.1)

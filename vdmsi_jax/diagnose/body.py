@@ -33,6 +33,7 @@ wheelbases; and side slip of the rear by lateral acceleration, rad s^2/m."""
 
 CHANNELS = ("r", "psi", "forward", "aside")
 _LANES = 8  # of a compiled program
+_STANDS = 0.05  # of the largest speed, below which a vehicle tells nothing of its angle
 _SETTLED = 0.7  # of a channel's samples, that have all of the past that its colour sees
 
 
@@ -88,6 +89,8 @@ class Body:
         measured: by channel of `CHANNELS`; missing channels are absent.
         mask, held_out: by channel, samples that are fitted and that judge.
         bicycle: geometry; `dt`: sample period, s.
+        by_yaw_rate: whether the angle was made of yaw rate and speed: a hypothesis that changes
+            the speed changes the angle then, and leaves the yaw rate.
         refuted: numbers of the causes that failed on data held out.
         repeats: runs with the same commands, whose noise is that of all where both are fitted.
     """
@@ -101,6 +104,7 @@ class Body:
     held_out: dict[str, Bool[np.ndarray, "R N"]]
     bicycle: Bicycle
     dt: float
+    by_yaw_rate: bool = False
     refuted: tuple[int, ...] = ()
     repeats: tuple[Pair, ...] = ()
 
@@ -195,7 +199,8 @@ class Body:
         for start in range(0, len(theta), lanes):
             part = theta[start : start + lanes]
             padded = np.concatenate([part, np.repeat(part[:1], lanes - len(part), axis=0)])
-            y = _simulate(VEHICLE, padded, self.v, self.delta, self.bicycle, self.dt, self.window)
+            given = self.v, self.delta, self.bicycle, self.dt, self.by_yaw_rate
+            y = _simulate(VEHICLE, padded, *given, self.window)
             parts.append([np.asarray(x)[: len(part)] for x in y])
         joined = [np.concatenate(x) for x in zip(*parts, strict=True)]
         return {c: y for c, y in zip(CHANNELS, joined, strict=True) if c in self.measured}
@@ -215,9 +220,9 @@ def increments(x, y, psi, window: int, xp=np):
 
 
 @eqx.filter_jit
-def _simulate(effects, theta, v, delta, bicycle: Bicycle, dt, window: int):
+def _simulate(effects, theta, v, delta, bicycle: Bicycle, dt, by_yaw_rate: bool, window: int):
     def one(vector, v, delta):
-        r, x, y, psi = _motion(effects, vector, v, delta, bicycle, dt)
+        r, x, y, psi = _motion(effects, vector, v, delta, bicycle, dt, by_yaw_rate)
         return r, *increments(x, y, psi, window, jnp)
 
     over_runs = jax.vmap(one, in_axes=(None, 0, 0))
@@ -227,9 +232,9 @@ def _simulate(effects, theta, v, delta, bicycle: Bicycle, dt, window: int):
 
 
 @eqx.filter_jit
-def _travel(effects, theta, v, delta, bicycle: Bicycle, dt):
+def _travel(effects, theta, v, delta, bicycle: Bicycle, dt, by_yaw_rate: bool):
     def one(v, delta):
-        return _motion(effects, theta, v, delta, bicycle, dt)
+        return _motion(effects, theta, v, delta, bicycle, dt, by_yaw_rate)
 
     return jax.vmap(one)(jnp.asarray(v), jnp.asarray(delta))
 
@@ -238,11 +243,12 @@ def travel(
     body: Body, theta: Float[np.ndarray, " P"], v: np.ndarray, delta: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Yaw rate and pose, (runs, N) each, from speeds and angles; poses begin at zero."""
-    r, x, y, psi = _travel(VEHICLE, jnp.asarray(theta), v, delta, body.bicycle, body.dt)
+    given = v, delta, body.bicycle, body.dt, body.by_yaw_rate
+    r, x, y, psi = _travel(VEHICLE, jnp.asarray(theta), *given)
     return np.asarray(r), np.asarray(x), np.asarray(y), np.asarray(psi)
 
 
-def _motion(registered, vector, v, delta, bicycle, dt):
+def _motion(registered, vector, v, delta, bicycle, dt, by_yaw_rate):
     yaw_lag, ahead, slip = vector[: len(NUISANCE)]
     at, effects = len(NUISANCE), []
     for effect in registered:
@@ -251,10 +257,13 @@ def _motion(registered, vector, v, delta, bicycle, dt):
             at += 1
         effects.append(effect)
     r_lag, r_late, r_bias, d_lag, d_late, v_lag, v_late, v_bias, askew, pose_late = vector[at:]
-    v = _unsensed(v - v_bias, v_lag, v_late, dt)
+    told, v = v, _unsensed(v - v_bias, v_lag, v_late, dt)
     delta = _unsensed(delta, d_lag, d_late, dt)
     for effect in effects:
         v, delta = effect.speed(v), effect.angle(delta)
+    if by_yaw_rate:
+        slow = jnp.abs(v) < _STANDS * jnp.max(jnp.abs(v))
+        delta = jnp.arctan(jnp.tan(delta) * jnp.where(slow, 1.0, told / jnp.where(slow, 1.0, v)))
     beta = bicycle.slip_angle(delta)
     kappa = bicycle.course(delta)[2]
     for effect in effects:

@@ -323,7 +323,8 @@ def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
     channels = set.intersection(*(set(r.channels) for r in runs.records))
     if vehicle is None or angle is None or "v" not in channels:
         return None
-    told = "r" in channels and "delta" in channels and not derived(runs, angle)
+    by_yaw_rate = "delta" not in channels or derived(runs, angle)
+    told = "r" in channels and not by_yaw_rate
     posed = {"x", "y", "psi"} <= channels
     if not told and not posed:
         return None
@@ -355,7 +356,7 @@ def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
     bicycle = Bicycle(vehicle.wheelbase - behind, behind)
     return Body(
         smooth["v"], smooth["delta"], v - smooth["v"], delta - smooth["delta"],
-        measured, mask, held_out, bicycle, runs.dt, repeats=repeats(runs),
+        measured, mask, held_out, bicycle, runs.dt, by_yaw_rate, repeats=repeats(runs),
     )  # fmt: skip
 
 
