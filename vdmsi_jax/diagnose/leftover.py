@@ -15,6 +15,7 @@ from .found import Failed, Finding, Search
 from .judge import Scored
 from .prepare import Runs, derived, steering_angle
 from .result import Unexplained
+from .search import FREE
 from .stage import Stage
 from .unexplained import SMALL, extent, slow_error, structure
 from .windows import thinned
@@ -105,7 +106,7 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
         slot = stage.slots[failed.finding.number]
         label = f"{slot.cause} ({slot.where})"
         fraction = _failed(stage, failed)
-        if failed.finding.gain > _LOUD and fraction > _SEEN:
+        if slot.weight < FREE and failed.finding.gain > _LOUD and fraction > _SEEN:
             found.append(_broken(label, spec.output, fraction))
     return found
 

@@ -21,6 +21,8 @@ CHANGE = 0.02
 """Of a gain, below which it does not change."""
 PHASE_COST = 4.0  # of what swings, in each further run
 WAIT_COST = 2.0  # of what was on its way, in each run
+_CURVES = ("gain_nonlinearity", "saturation", "dead_zone")
+FORM_COST = 15.0  # of each static curve beyond the first: two of them mend the form of one
 
 
 def price(stage: Stage, h: Hypothesis) -> float:
@@ -36,7 +38,9 @@ def price(stage: Stage, h: Hypothesis) -> float:
     causes = sum(CAUSE_COST + PARAMETER_COST * slot.weight for slot in slots)
     phases = 0 if h.swing is None else len(h.swing) - 1  # beyond the one that is counted
     waits = len(stage.u) if any(s.cause == "transport_delay" for s in slots) else 0
-    return _plant_price(stage, h) + PHASE_COST * phases + WAIT_COST * waits + causes
+    forms = max(sum(s.cause in _CURVES for s in slots) - 1, 0)
+    causes += PHASE_COST * phases + WAIT_COST * waits + FORM_COST * forms
+    return _plant_price(stage, h) + causes
 
 
 def _plant_price(stage: Stage, h: Hypothesis) -> float:

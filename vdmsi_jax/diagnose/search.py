@@ -51,6 +51,9 @@ _MUCH, _SURE = 0.4, 2.5  # share of the error, and standard errors, that data he
 _SLOW = 4.0  # squared error over innovations, from which on a part of it is slow
 _WORSENED = 0.2  # of the squared error on data held out, by which a cause may usually raise it
 _MADE_UP = 0.05  # of it, that it must take on the whole if it does
+FREE = 6.0
+"""Weight of a cause from which on it can draw nearly any error."""
+_BORNE_OUT = 0.25  # of what such a cause takes where it is fitted, that must last elsewhere
 _REACH = 60.0  # that a candidate may lie behind the best after a few steps
 
 
@@ -142,7 +145,16 @@ def _confirmed(found: Search, finding: Finding) -> float:
     less = found.without(finding)
     scored = Scored("", stage.y, less.y, found.final.y, found.final.colour)
     worth = confirmed(scored, stage.held_out, stage.dt)[0]
-    return -abs(worth) if _worse(scored, stage) else worth
+    fails = _worse(scored, stage) or _drawn(stage, finding.number, scored)
+    return -abs(worth) if fails else worth
+
+
+def _drawn(stage: Stage, number: int, scored: Scored) -> bool:
+    """Whether a cause with many parameters has drawn the error that was fitted, and tells little of
+    that of data held out."""
+    if stage.slots[number].weight < FREE:
+        return False
+    return scored.taken(stage.held_out) < _BORNE_OUT * scored.taken(stage.mask)
 
 
 def _worse(scored: Scored, stage: Stage) -> bool:
