@@ -165,3 +165,33 @@ def test_logs_that_begin_in_motion_do_not_cost_a_plant_its_poles():
     assert found.verdict == "no_effect" and not found.findings
     assert found.orders["servo"] in ("P3Z0", "P3Z1", "P4Z0", "P4Z1")
     assert found.channels["y"].fit > 97.0
+
+
+def gusts(rng, rows: int, size: float, seconds: float, dt: float) -> np.ndarray:
+    """A Gaussian disturbance with a memory of so many seconds."""
+    keep, now, made = np.exp(-dt / seconds), 0.0, []
+    for step in rng.standard_normal(rows):
+        now = keep * now + np.sqrt(1.0 - keep**2) * step
+        made.append(size * now)
+    return np.array(made)
+
+
+def test_hills_do_not_draw_a_gain_that_falls_on_the_way():
+    rng, dt = np.random.default_rng(5), 0.05
+    goal = np.repeat(rng.uniform(0.4, 2.4, 45), 40)
+    v, motor, told = goal[0], goal[0], []
+    wind = gusts(rng, len(goal), 0.06, 1.0, dt)
+    for k, (command, push) in enumerate(zip(goal, wind, strict=True)):
+        told.append(v)
+        for _ in range(50):
+            motor += 0.001 / 0.15 * ((1.0 if k < 840 else 0.84) * command - motor)
+            v += 0.001 * ((motor - v) / 0.9 + push)
+    told = np.array(told) + 0.02 * rng.standard_normal(len(told))
+    geometry = vj.VehicleGeometry(l_f=0.8, l_r=0.4)
+    log = vj.Record.from_arrays(dt=dt, name="forklift", vehicle=geometry, v_cmd=goal, v=told)
+    diagnosis = vj.diagnose(log)
+    assert diagnosis.verdict == "explained"
+    names = {diagnosis.findings[0].cause} | {
+        r.cause for r in diagnosis.findings[0].rivals if r.indistinguishable
+    }
+    assert "regime_change" in names and diagnosis.findings[0].cause != "road_grade"

@@ -1,0 +1,46 @@
+"""What hypotheses pay."""
+
+import numpy as np
+
+import vdmsi_jax as vj
+from vdmsi_jax.diagnose.prepare import lay_out, stage_of
+from vdmsi_jax.diagnose.price import PARAMETER_COST, price
+from vdmsi_jax.diagnose.refit import Hypothesis
+from vdmsi_jax.diagnose.stage import POLES
+
+PLANT, RUNS = vj.PlantSpec("servo", "u", "y"), 3
+
+
+def made(run: int) -> vj.Record:
+    u = np.repeat(np.random.default_rng(run).uniform(-1.0, 1.0, 10), 20)
+    y = np.convolve(u, 0.1 * 0.9 ** np.arange(60))[: len(u)]
+    return vj.Record.from_arrays(dt=0.02, name=f"{run}", plants=(PLANT,), u=u, y=y)
+
+
+STAGE = stage_of(lay_out([made(run) for run in range(RUNS)]), PLANT)
+
+
+def paid(*causes: str) -> float:
+    """By a first-order plant with some causes, more than without; for parameters, too."""
+    every = [slot.cause for slot in STAGE.slots]
+    active = tuple(map(every.index, causes))
+    theta = STAGE.off.copy()
+    theta[[0, POLES]] = 1.0
+    own = PARAMETER_COST * sum(STAGE.slots[k].weight for k in active)
+    bare = price(STAGE, Hypothesis(1, 0, (), theta))
+    return price(STAGE, Hypothesis(1, 0, active, theta)) - bare - own
+
+
+def test_causes_pay_each_for_itself():
+    assert paid("saturation", "offset") == paid("saturation") + paid("offset")
+
+
+def test_a_second_static_curve_pays_more_since_two_mend_the_form_of_one():
+    alone = paid("saturation")
+    assert paid("saturation", "gain_nonlinearity") > 2.0 * alone
+    three = paid("saturation", "gain_nonlinearity", "dead_zone")
+    assert three - 3.0 * alone == 2.0 * (paid("saturation", "gain_nonlinearity") - 2.0 * alone)
+
+
+def test_what_was_on_its_way_is_paid_in_each_run():
+    assert paid("transport_delay") == paid("offset") + 2.0 * RUNS
