@@ -185,7 +185,7 @@ def respond(
     u: Float[Array, " N"],
     signals: Signals,
     on: Bool[Array, " effects"] | None = None,
-    steps: tuple[Float[Array, "2 n n"], Float[Array, "2 n"]] | None = None,
+    steps: tuple[Float[Array, "n n"], Float[Array, "n 2"]] | None = None,
     start: Float[Array, " n"] | None = None,
 ) -> Float[Array, " N"]:
     """What is measured at the rows of a plant with effects, started at rest under its first
@@ -213,7 +213,7 @@ def fine_response(
     u: Float[Array, " N"],
     signals: Signals,
     on: Bool[Array, " effects"] | None = None,
-    steps: tuple[Float[Array, "2 n n"], Float[Array, "2 n"]] | None = None,
+    steps: tuple[Float[Array, "n n"], Float[Array, "n 2"]] | None = None,
     start: Float[Array, " n"] | None = None,
 ) -> Float[Array, " M"]:
     """`respond` at the sub-steps, the rows among them."""
@@ -242,7 +242,7 @@ def _moved(
     signals: Signals,
     on: Bool[Array, " effects"] | None = None,
     start: Float[Array, " n"] | None = None,
-    steps: tuple[Float[Array, "2 n n"], Float[Array, "2 n"]] | None = None,
+    steps: tuple[Float[Array, "n n"], Float[Array, "n 2"]] | None = None,
 ) -> Float[Array, " M"]:
     """What the dynamics and the forces inside them make of the held command."""
     inside = [i for i, e in enumerate(effects) if acts(e, "effort") or acts(e, "load")]
@@ -257,7 +257,7 @@ def _moved(
 
     def free(held: Array) -> Array:
         first = rest * held[0] if start is None else start
-        moving = propagate(steps[0][0], steps[1][0], first, held)
+        moving = propagate(steps[0], steps[1][:, 0], first, held)
         return moving.read(system.C[:, None])[:, 0] + system.D * held
 
     if on is None:  # bit for bit the same with forces that are off as without any
@@ -310,7 +310,7 @@ def _through(
 
 def _dynamics(
     system: StateSpace,
-    steps: tuple[Float[Array, "2 n n"], Float[Array, "2 n"]],
+    steps: tuple[Float[Array, "n n"], Float[Array, "n 2"]],
     rest: Array,
     inside: tuple[AbstractEffect, ...],
     u: Float[Array, " M"],
@@ -326,7 +326,7 @@ def _dynamics(
         x0: state at the start; at rest under the first command if None.
         load: forces that no motion changes; none of any kind act if None.
     """
-    Ad, (Bd, Fd) = steps[0][0], steps[1]
+    Ad, Bd, Fd = steps[0], steps[1][:, 0], steps[1][:, 1]
     gain = system.C @ system.A @ Bd + system.C @ system.B
     hold = system.C @ system.A @ Fd + system.C @ led(system.B, signals.leads)
     hold = jnp.where(jnp.abs(hold) > 1e-12, hold, 1e-12)

@@ -1,11 +1,10 @@
 """Plants of every order in one form and one batch, and how a force inside one acts."""
 
-import jax
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float, Int
 
-from vdmsi_jax.models.state_space import StateSpace
+from vdmsi_jax.models.state_space import StateSpace, held
 
 
 def observer(
@@ -57,11 +56,9 @@ def made_up_for(lead: Array | float) -> Array | float:
 
 def steps_of(
     system: StateSpace, leads: Float[Array, "2"], h: Float[Array, ""]
-) -> tuple[Float[Array, "2 n n"], Float[Array, "2 n"]]:
+) -> tuple[Float[Array, "n n"], Float[Array, "n 2"]]:
     """A system's steps over `h` seconds: for a command, and for a force that leads it."""
-    inputs = jnp.stack([system.B, led(system.B, leads)])
-    step = jax.vmap(lambda B: StateSpace(system.A, B, system.C, system.D).discretise(h))
-    return step(inputs)
+    return held(system.A, jnp.stack([system.B, led(system.B, leads)], axis=1), h)
 
 
 def led(B: Float[Array, " n"], leads: Float[Array, "2"]) -> Float[Array, " n"]:

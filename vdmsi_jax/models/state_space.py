@@ -44,12 +44,8 @@ class StateSpace(eqx.Module):
         integrator) needs no special case. At `dt = 0` the result is the identity and zero, bit for
         bit. Differentiable in `dt`.
         """
-        n = self.B.shape[0]
-        augmented = (
-            jnp.zeros((n + 1, n + 1), self.A.dtype).at[:n, :n].set(self.A).at[:n, n].set(self.B)
-        )
-        growth = _exponential_minus_identity(augmented * dt)
-        return jnp.eye(n, dtype=self.A.dtype) + growth[:n, :n], growth[:n, n]
+        Ad, Bd = held(self.A, self.B[:, None], dt)
+        return Ad, Bd[:, 0]
 
     def ahead(self, tau: Float[Array, " J"]) -> tuple[Float[Array, "n J"], Float[Array, " J"]]:
         """Output after `tau` seconds of a held command: functions of the state, gains of the
@@ -65,6 +61,16 @@ class StateSpace(eqx.Module):
         integrated = StateSpace(A, jnp.append(self.B, self.D), jnp.eye(n + 1)[n], jnp.zeros(()))
         functions, gains = integrated.ahead(span[None])
         return functions[:n], gains
+
+
+def held(
+    A: Float[Array, "n n"], inputs: Float[Array, "n m"], dt: Float[Array, ""] | float
+) -> tuple[Float[Array, "n n"], Float[Array, "n m"]]:
+    """`StateSpace.discretise` for several inputs at once."""
+    n, m = inputs.shape
+    augmented = jnp.zeros((n + m, n + m), A.dtype).at[:n, :n].set(A).at[:n, n:].set(inputs)
+    growth = _exponential_minus_identity(augmented * dt)
+    return jnp.eye(n, dtype=A.dtype) + growth[:n, :n], growth[:n, n:]
 
 
 class Motion(eqx.Module):
