@@ -10,6 +10,7 @@ from matplotlib.figure import Figure, SubFigure
 
 from ..diagnose.document import in_words, left_over, title
 from ..diagnose.result import Budget, Diagnosis, Finding, Path, Response
+from ..diagnose.words import disturbed
 from .overlays import BASELINE, EXTENDED, best_window, draw_residuals, draw_signals, judged_run
 from .signals import NAMES
 from .style import (
@@ -39,7 +40,8 @@ VERDICTS = {
 def diagnosis(d: Diagnosis) -> Figure:
     """The whole answer in one picture: the response that matters most, measured and simulated, its
     residual, the path, what each cause is worth, and who is responsible."""
-    sentences = [finding.sentence for finding in d.findings] + list(map(left_over, d.unexplained))
+    sentences = [finding.sentence for finding in d.findings]
+    sentences += [*map(left_over, d.unexplained), *map(disturbed, d.disturbances)]
     said = [line for sentence in sentences for line in textwrap.wrap(sentence, 125)]
     heights = {"words": 0.35 + 0.17 * len(said)}
     if d.responses or d.paths:
