@@ -169,3 +169,14 @@ def test_one_event_does_not_outweigh_all_that_a_cause_explains():
     scored = Scored("v", RESPONSE, RESPONSE - before, RESPONSE - after, np.zeros(1))
     gain = gain_of(scored, np.ones((1, T.size), bool), True, DT)
     assert gain.after < gain.before and gain.typical > 0.99
+
+
+def test_where_rough_ground_goes_with_the_commands_only_events_are_the_model_s():
+    masks, nothing = (EVERYWHERE, ~EVERYWHERE), np.empty((0, 1, N))
+    told = slow_error("r", NOISE + wind(0.3), NOISE, RESPONSE, nothing, masks, DT)
+    assert told is not None and told.steady
+    rng = np.random.default_rng(3)
+    at = np.cumsum(rng.uniform(3.0, 9.0, 9))[:, None]
+    pulses = np.sum(rng.choice([-1.0, 1.0], (9, 1)) * np.exp(-(((T - at) / 0.5) ** 2)), axis=0)
+    found = slow_error("r", NOISE + pulses[None], NOISE, RESPONSE, nothing, masks, DT)
+    assert found is not None and found.puzzling

@@ -44,7 +44,7 @@ def scores(
 
     Args:
         e: the error.
-        asked: `demands`.
+        asked: `demands`, or none.
         mask: samples that count.
         dt: sample period, s.
     """
@@ -54,7 +54,7 @@ def scores(
     if whole.sum() < _FEW:
         return 0.0, 0.0
     recent = [history(x, seconds, dt) for seconds in _PASTS for x in asked]
-    rows = _stretches(np.stack(recent), length)[:, whole]
+    rows = _stretches(np.reshape(recent, (-1, *e.shape)), length)[:, whole]
     rows = rows - rows.mean(axis=1, keepdims=True)
     sizes = np.sqrt(np.sum(rows**2, axis=1))
     rows = rows[sizes > 0] / sizes[sizes > 0, None]
@@ -83,5 +83,5 @@ def scores(
 
 def _stretches(x: Float[np.ndarray, "... N"], length: int) -> Float[np.ndarray, "... K"]:
     """Means over stretches of so many rows."""
-    whole = x.shape[-1] // length * length
-    return x[..., :whole].reshape(*x.shape[:-1], -1, length).mean(axis=-1)
+    count = x.shape[-1] // length
+    return x[..., : count * length].reshape(*x.shape[:-1], count, length).mean(axis=-1)

@@ -184,6 +184,10 @@ def _of_body(runs: Runs, found: BodySearch) -> list[Unexplained]:
     kind = explained(weighed(*asked_of_body(runs, body, final)), causes)
     left = _of_a_kind("r", kind, causes, e, body.measured["r"], masks[0])
     left += structure("r", e, white, *masks, runs.names, body.dt)
+    response = body.measured["r"]
+    slow = slow_error("r", e, white, response, np.empty((0, *e.shape)), masks, body.dt)
+    if slow is not None:
+        left.append(slow)
     for failed in found.failed:
         if failed.finding.gain > _LOUD and failed.share > _SEEN and not failed.usual:
             cause = CAUSES[failed.finding.number]

@@ -86,7 +86,8 @@ def slow_error(
         channel: its name.
         residual: what the model leaves; `innovations`: the same whitened.
         response: what was measured.
-        asked: `disturbance.demands`.
+        asked: `disturbance.demands`; none where rough ground goes with them, too, as it does where
+            the yaw rate is concerned, so that only events tell.
         masks: samples that were fitted, and those that were not.
         dt: sample period, s.
         noise: standard deviation of what is slow and known to be noise.
@@ -109,7 +110,7 @@ def slow_error(
             continue
         share = min(size**2 / max(float(np.mean(residual[use] ** 2)), 1e-300), 1.0)
         words = f"a slow error of {100.0 * size / spread:.0f} % of the response's spread"
-        steady = not made and size < _HUGE * spread
+        steady = not made and (not len(asked) or size < _HUGE * spread)
         return Unexplained(
             channel, share, ("t",), (), words, not steady, size / spread, steady=steady
         )
