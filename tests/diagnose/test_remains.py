@@ -156,6 +156,14 @@ def test_a_name_must_take_more_where_much_is_left(share, steady, puzzling, named
 
 
 @pytest.mark.parametrize(
+    ("share", "steady", "named"), [(0.4, 1.0, False), (0.6, 1.0, True), (0.1, 2.5, True)]
+)
+def test_beside_a_disturbance_a_name_must_take_most_or_hold(share, steady, named):
+    gain = Gain("v", 90.0, 90.5, 10.0, 1.0, 0.9)
+    assert Trial(gain, None, 50.0, steady, fast=0.9).believed(share, False, disturbed=True) is named
+
+
+@pytest.mark.parametrize(
     ("fast", "se", "named"), [(0.9, 1.0, True), (0.1, 1.0, False), (0.9, 9.0, False)]
 )
 def test_what_is_fast_does_not_stand_in_for_a_slow_error(fast, se, named):

@@ -74,16 +74,18 @@ class Trial:
     steady: float
     fast: float
 
-    def believed(self, share: float, puzzling: bool) -> bool:
+    def believed(self, share: float, puzzling: bool, disturbed: bool = False) -> bool:
         """Whether a cause that takes this share of the squared error is named: where much is left
         that nothing explains, which is slow, a name must take nearly all, or take much or something
-        of most blocks and hold from block to block, or take most by what it does fast."""
+        of most blocks and hold from block to block, or take most by what it does fast. Where a
+        disturbance is left, it must take most, or hold from block to block."""
         plain = (self.gain.after - self.gain.before) / max(self.gain.se, 1e-300)
         if puzzling:
             sharp = self.fast > _FAST and share > _MOST and plain > _VERY_STEADY
             lasting = self.steady > _VERY_STEADY and (share > _MUCH or self.gain.typical > 0.0)
             return sharp or share > _NEARLY_ALL or lasting
-        return share > _MUCH or max(self.steady, plain) > _STEADY
+        much = _MOST if disturbed else _MUCH
+        return share > much or max(self.steady, plain) > _STEADY
 
 
 def fit_percent(y: np.ndarray, error: np.ndarray) -> float:

@@ -93,12 +93,12 @@ def slow_error(
         noise: standard deviation of what is slow and known to be noise.
     """
     known = masks[0] | masks[1]
-    slow = moving_mean(np.where(known, residual, 0.0), SLOW, dt)
     scored = None
     for use, least in zip(masks, (LARGE, LARGE_HELD_OUT), strict=True):
         if not use.any():
             continue
-        size = float(np.sqrt(max(np.mean(slow[use] ** 2) - noise**2, 0.0)))
+        slow = moving_mean(np.where(use, residual, 0.0), SLOW, dt)[use]
+        size = float(np.sqrt(max(np.mean(slow**2) - noise**2, 0.0)))
         fast = float(np.sqrt(np.mean(innovations[use] ** 2)))
         spread = extent(response[use])
         if size < _SUBTLE * spread or size < max(_BESIDE * fast, noise):

@@ -1,7 +1,7 @@
 """From what was found to the verdict: confirmed on held-out data, ranked, and what is left."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -59,10 +59,8 @@ class Evidence:
         left += [u for _, u in outdone if u.fraction > 0.0]
         disturbances = [u for u in left if u.steady]
         left = [u for u in left if not u.steady]
-        puzzles: dict[str, float] = {}
-        for u in left:
-            if u.puzzling:
-                puzzles[u.channel] = max(puzzles.get(u.channel, 0.0), u.fraction)
+        puzzles = _largest(u for u in left if u.puzzling)
+        disturbed = _largest(disturbances)
         plain, extended = (channel_scores(*models[1:], extended=e) for e in (False, True))
         weighing = Weighing(self.searches, self.runs, plain, extended)
         rounded = self._quantised(extended)
@@ -73,7 +71,8 @@ class Evidence:
             sure.append(cause)
             found = self._finding(cause, trial, road)
             leads = weighing.leads(cause, trials)
-            small = weighing.minor(cause, trial, found, _doubt(puzzles, cause, trial), leads)
+            doubts = _doubt(puzzles, cause, trial), _doubt(disturbed, cause, trial)
+            small = weighing.minor(cause, trial, found, *doubts, leads)
             small = small or any(f in (cause.finding, cause.body) for f, _ in outdone)
             (minor if small else findings).append(found)
         for found in rounded:
@@ -293,11 +292,19 @@ class Evidence:
         return "whole logs: " + ", ".join(dict.fromkeys(judges))
 
 
-def _doubt(puzzles: Mapping[str, float], cause: Named, trial: Trial) -> float:
-    """Share of what is left that puzzles where a cause is told; of the body, what puzzles in the
-    responses of the actuators as well, by which it moves."""
+def _largest(left: Iterable[Unexplained]) -> dict[str, float]:
+    """The largest fraction in each channel."""
+    found: dict[str, float] = {}
+    for u in left:
+        found[u.channel] = max(found.get(u.channel, 0.0), u.fraction)
+    return found
+
+
+def _doubt(shares: Mapping[str, float], cause: Named, trial: Trial) -> float:
+    """Share of what is left that casts doubt where a cause is told; of the body, in the responses
+    of the actuators as well, by which it moves."""
     channels = [trial.gain.channel, *(_TWINS.values() if cause.body is not None else ())]
-    return max(puzzles.get(c, 0.0) for c in channels)
+    return max(shares.get(c, 0.0) for c in channels)
 
 
 def _settled(left: Unexplained, taken: float) -> bool:

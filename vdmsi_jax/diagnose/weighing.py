@@ -57,7 +57,15 @@ class Weighing:
         most, channel, first = max(taken, key=lambda one: one[0])
         return first is cause and most < MINOR and self.taken(channel) > _STRONG
 
-    def minor(self, cause: Named, trial: Trial, found: Finding, puzzle: float, leads: bool) -> bool:
+    def minor(
+        self,
+        cause: Named,
+        trial: Trial,
+        found: Finding,
+        puzzle: float,
+        disturbance: float,
+        leads: bool,
+    ) -> bool:
         """Whether a cause is minor.
 
         Args:
@@ -65,13 +73,15 @@ class Weighing:
             trial: what it is worth.
             found: the same as a finding.
             puzzle: share of what is left in its channel that nothing explains, if that is much.
+            disturbance: share of it that a steady disturbance is.
             leads: whether it is the first of several that stand in for each other.
         """
         share = max(found.share, trial.gain.typical)
         rest = share < _MOST and trial.gain.after - trial.gain.before < _POINTS
         beside = rest and 0.0 <= self._of_all(cause, trial.gain) < MINOR
         small = share < MINOR or (beside and not leads)
-        small = small or not trial.believed(share, puzzle * (1.0 - share) > _PUZZLE)
+        puzzling, disturbed = (x * (1.0 - share) > _PUZZLE for x in (puzzle, disturbance))
+        small = small or not trial.believed(share, puzzling, disturbed)
         imitated = trial.gain.typical <= 0.0 and self._imitated(cause, trial.gain)
         # the share of a delay is told against a plant without zeros, and says less
         doubted = share < _STRONG or cause.cause == "transport_delay"
