@@ -17,7 +17,14 @@ def test_a_notebook_is_stored_without_outputs(path):
         assert not cell.get("outputs") and cell.get("execution_count") is None
 
 
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path",
+    [
+        # the paper's experiments have tests of their own
+        pytest.param(p, id=p.stem, marks=pytest.mark.slow if p.stem == "03_paper" else ())
+        for p in NOTEBOOKS
+    ],
+)
 def test_a_notebook_runs_and_shows_its_figures(path):
     executed = runpy.run_path(str(FOLDER / "run.py"))["execute"](path)
     outputs = [o for cell in executed.cells for o in cell.get("outputs", [])]
