@@ -86,7 +86,8 @@ def _actuator(whole, spec, causes: dict, kinds: dict):
     from vdmsi_jax.diagnose.found import Search
     from vdmsi_jax.diagnose.leftover import asked
     from vdmsi_jax.diagnose.outcome import completed
-    from vdmsi_jax.diagnose.search import climbed, score
+    from vdmsi_jax.diagnose.price import score
+    from vdmsi_jax.diagnose.selection import climbed
 
     stage = whole.fitting
     grid = baselines(stage)
@@ -112,8 +113,7 @@ def _vehicle(runs, body, plain, causes: dict, kinds: dict) -> None:
 
 def _of_actuator(stage, plain, f) -> tuple[str, float, float]:
     """Label, gain and price of the cause of a fit."""
-    from vdmsi_jax.diagnose.price import price
-    from vdmsi_jax.diagnose.search import score
+    from vdmsi_jax.diagnose.price import price, score
 
     bare = replace(f.hypothesis, active=(), swing=None)
     cost = price(stage, f.hypothesis) - price(stage, bare)

@@ -24,7 +24,7 @@ from .refit import Refit, refit
 from .result import ChannelScore, Diagnosis, Estimate, Finding, Gain, Rival, Unexplained
 from .road import Road
 from .screen import screen
-from .search import joined
+from .selection import joined
 from .unexplained import SMALL
 from .weighing import MINOR, Weighing, overshadowed
 from .words import sentence, summary

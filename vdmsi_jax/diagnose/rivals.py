@@ -1,0 +1,81 @@
+"""What each cause of a model is worth, and which others could stand in its place."""
+
+from collections.abc import Mapping
+
+from .baseline import order_of
+from .found import Finding
+from .outcome import steadiness
+from .price import lack, score
+from .refit import Refit, refit
+from .screen import RAGGED, screen
+from .selection import joined, without
+from .stage import Stage
+from .starts import all_pole, backward
+
+_APART = 1.7  # standard errors over blocks, from which two causes are told apart
+_CLOSE, _FORM, _FAR = 15.0, 0.1, 50.0  # lack, the same as a share of the gain, and lack again, up
+# to which blocks are asked; beyond, it is no matter of form: 61 answers of four exams
+_LOOPS = {"backlash", "coulomb_friction"}
+_LOOP = 0.25  # share of the gain, up to which blocks are asked which of them it is
+_LOOP_APART = 1.5  # standard errors that do: of ten answers wrong ones had up to 1.2
+_RIVALS = 8  # that are told
+
+
+def findings_of(
+    stage: Stage, final: Refit, seen: Mapping[tuple, Refit]
+) -> tuple[tuple[Finding, ...], Refit | None]:
+    """Each cause of the final model with what it is worth there and what could stand in its
+    place; and the best fit with another in the place of one."""
+    found, tried = [], []
+    for number in final.hypothesis.active:
+        less = refit(stage, [without(stage, final.hypothesis, number)])[0]
+        if stage.slots[number].cause == "transport_delay" and backward(less.hypothesis).size:
+            less = refit(stage, [all_pole(stage, less.hypothesis)])[0]
+        gain = 2.0 * (final.loglik - less.loglik)
+        screened = screen(stage, less, fine=stage.slots[number].cause in RAGGED)
+        probes = [joined(less.hypothesis, c) for c in screened if c.number == number]
+        promised = next(iter(refit(stage, probes, rounds=1)), None)
+        others = [c for c in screened if c.number != number and c.gain > 0.2 * gain][:6]
+        fits = refit(stage, [joined(less.hypothesis, c) for c in others])
+        kept, own = set(less.hypothesis.active), stage.slots[number]
+        fits += [
+            f
+            for f in seen.values()
+            if kept < set(f.hypothesis.active) and len(f.hypothesis.active) == len(kept) + 1
+            if number not in f.hypothesis.active
+            # the cause itself, not a larger plant that imitates the one it stands for
+            if (bare := seen.get((*order_of(f.hypothesis), frozenset(kept)))) is not None
+            and score(stage, f) > score(stage, bare)
+        ]
+        best: dict[int, Refit] = {}
+        for f in fits:
+            other = next(k for k in f.hypothesis.active if k not in kept)
+            if other not in best or score(stage, f) > score(stage, best[other]):
+                best[other] = f
+        tried += best.values()
+        rivals = [
+            (k, lack(stage, final, f)) for k, f in best.items() if stage.slots[k].cause != own.cause
+        ]
+        rivals = sorted(rivals, key=lambda pair: pair[1])[:_RIVALS]
+        near = [k for k, lacks in rivals if _near(own.cause, stage.slots[k].cause, lacks, gain)]
+        alike = [
+            k
+            for k in near
+            if steadiness(stage, best[k], final) < _apart(own.cause, stage.slots[k].cause)
+        ]
+        found.append(Finding(number, gain, less, tuple(rivals), promised, tuple(alike)))
+    best_other = max(tried, key=lambda f: score(stage, f), default=None)
+    return tuple(sorted(found, key=lambda f: -f.gain)), best_other
+
+
+def _near(cause: str, other: str, lacks: float, gain: float) -> bool:
+    """Whether a cause lacks so little that the form of another may not be exact enough to part
+    them: of a play and friction, which each make the other's loop, more than of the rest."""
+    if {cause, other} == _LOOPS:
+        return lacks < max(_CLOSE, _LOOP * gain)
+    return lacks < min(_FAR, max(_CLOSE, _FORM * gain))
+
+
+def _apart(cause: str, other: str) -> float:
+    """Standard errors over blocks from which the two are told apart."""
+    return _LOOP_APART if {cause, other} == _LOOPS else _APART

@@ -1,0 +1,210 @@
+"""Forward selection of causes, and the elimination of those that others have made needless."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from .baseline import best_of_each, closest, grown, key_of, order_of
+from .outcome import steadiness
+from .price import price, score
+from .refit import Hypothesis, Refit, refit
+from .screen import Candidate, screen
+from .stage import FIRST_CAUSE, LEADS, POLES, Stage
+from .starts import (
+    backward,
+    bent,
+    late,
+    mirrored,
+    nested,
+    ringing,
+    scanned,
+    shifted,
+    waiting,
+)
+
+_REFITTED = 10  # candidates of a screen that are refitted
+_SMALLER = 2  # smaller plants that are screened
+_FROM_SMALLER = 4  # candidates of the screens of smaller plants that are refitted
+_SMALL = ((1, 0), (2, 0), (2, 1), (3, 0), (3, 1))
+_MOST_CAUSES = 4
+_STEADY = 1.5  # standard errors over blocks that a second cause must be likelier by
+_LIGHT, _NAME = 0.15, 20.0  # damping of a mode, and what its name may cost
+_LITTLE = 0.02  # of what the poles are worth that tell a mode, which its name may cost
+_TOLD = 10.0  # what a pole for a delay may cost
+_MENDS = 0.06  # of what other causes are worth, likewise
+_GROWS = 50.0  # that a cause in a small plant must gain for larger ones to be tried with it
+_REACH = 60.0  # that a candidate may lie behind the best after a few steps
+
+
+def climbed(
+    stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]
+) -> tuple[Refit, list[Candidate], dict[tuple, Refit]]:
+    """The plain plant with one cause after another, for as long as they are worth their price; the
+    screen of the plain one; and all fits on the way. Beside zeros in the right half plane a delay
+    is waited for, since they tell it better at first."""
+
+    def worth(h: Hypothesis, loglik: float) -> float:
+        return 2.0 * loglik - price(stage, h)
+
+    now, rings = plain, False
+    screened: list[Candidate] = []
+    seen: dict[tuple, Refit] = {key_of(f.hypothesis): f for f in grid.values()}
+    while len(now.hypothesis.active) < _MOST_CAUSES:
+        candidates = screen(stage, now)
+        screened = screened or candidates
+        promising = [c for c in candidates if c.gain > 4.0][:_REFITTED]
+        starts = [joined(now.hypothesis, c) for c in promising]
+        patient: list[Hypothesis] = []
+        if now is plain:
+            starts += _in_smaller(stage, plain, grid)
+        else:
+            smaller = [h for order in _SMALL for h in late(stage, now, order)]
+            (patient if backward(now.hypothesis).size else starts).extend(smaller)
+            if not rings:  # or the plant would take the mode back
+                starts += closest(stage, list(nested(stage, now.hypothesis)), 1)
+        most = max((c.gain for c in promising), default=0.0)
+        fits = refit(stage, starts, worth=worth, reach=max(_REACH, 0.5 * most))
+        fits += refit(stage, patient)
+        fits = best_of_each([*fits, *refit(stage, mirrored(stage, fits))])
+        if now is plain:
+            fits += _afresh(stage, plain, grid)
+            fits += [f for small in _strongest(stage, fits, grid) for f in grown(stage, small)]
+        seen |= {key_of(f.hypothesis): f for f in fits}
+        better = [f for f in fits if score(stage, f) > score(stage, now)]
+        if now is plain and not better:
+            better = [f for f in fits if _rings(stage, f, plain, seen)]
+            rings = bool(better)
+        if now is not plain:
+            size = now.hypothesis.size(stage)
+            better = [
+                f
+                for f in better
+                if f.hypothesis.size(stage) < size or steadiness(stage, now, f) > _STEADY
+            ]
+        if not better:
+            break
+        now = max(better, key=lambda f: score(stage, f))
+    return now, screened, seen
+
+
+def _in_smaller(
+    stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]
+) -> list[Hypothesis]:
+    """Causes in smaller plants, which they may make enough, a delay among them."""
+    coefficients = sum(order_of(plain.hypothesis))
+    orders = [o for o in _SMALL if sum(o) < coefficients]
+    starts = [h for order in orders for h in late(stage, plain, order)]
+    for smaller in _smaller(stage, grid, plain):
+        own = screen(stage, smaller, fine=False)[:_FROM_SMALLER]
+        starts += [joined(smaller.hypothesis, c) for c in own]
+    return starts
+
+
+def _strongest(
+    stage: Stage, fits: Sequence[Refit], grid: Mapping[tuple[int, int], Refit]
+) -> list[Refit]:
+    """The small plants with a cause that gained most over the same plants without."""
+    gained = []
+    for f in fits:
+        bare = grid.get(order_of(f.hypothesis))
+        if bare is not None and f.hypothesis.active and f.hypothesis.poles < POLES:
+            gained.append((score(stage, f) - score(stage, bare), f))
+    gained = [(g, f) for g, f in gained if g > _GROWS]
+    picked: dict[tuple[int, ...], Refit] = {}
+    for _, f in sorted(gained, key=lambda pair: -pair[0]):
+        picked.setdefault(f.hypothesis.active, f)
+    return list(picked.values())[:2]
+
+
+def joined(h: Hypothesis, candidate: Candidate) -> Hypothesis:
+    theta = candidate.theta.copy()
+    theta[: LEADS[0]] = h.theta[: LEADS[0]]
+    active = tuple(sorted({*h.active, candidate.number}))
+    return replace(h, active=active, theta=theta, swing=candidate.swing)
+
+
+def _smaller(stage: Stage, grid: Mapping[tuple[int, int], Refit], plain: Refit) -> list[Refit]:
+    """The best of the smaller plants, which a cause may make enough, and of those without zeros: a
+    servo's or a motor's own, as which it scores badly while its friction is not told."""
+    coefficients = sum(order_of(plain.hypothesis))
+    small = [f for o, f in grid.items() if sum(o) < coefficients and o in _SMALL]
+    small = sorted(small, key=lambda f: -score(stage, f))
+    return small[:_SMALLER] + [f for f in small[_SMALLER:] if f.hypothesis.zeros == 0][:1]
+
+
+def _afresh(stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]) -> list[Refit]:
+    """Fits of causes that are not reached from the best plain plant."""
+    plants = [plain, *_smaller(stage, grid, plain)[:1]]
+    starts = [*bent(stage, grid[1, 0]), *waiting(stage, plain, grid), *ringing(stage, plain)]
+    starts += [*shifted(stage, plain, grid), *(h for at in plants for h in scanned(stage, at))]
+    fits = refit(stage, starts)
+    return best_of_each([*fits, *refit(stage, mirrored(stage, fits))])
+
+
+def eliminate(stage: Stage, now: Refit, seen: dict[tuple, Refit]) -> Refit:
+    """Take causes out again that others have made needless, or a plant of another order: what was
+    seen without one is refitted from where it stood. A pole is believed rather than a delay, and a
+    resonance rather than the poles that could stand for it."""
+    while now.hypothesis.active:
+        starts = [without(stage, now.hypothesis, number) for number in now.hypothesis.active]
+        known = []
+        for kept in (set(h.active) for h in starts):
+            own = [f for f in seen.values() if set(f.hypothesis.active) == kept]
+            known += sorted(own, key=lambda f: -score(stage, f))[:1]
+        again = [f.hypothesis for f in known if f.hypothesis.active]
+        fits = best_of_each([*refit(stage, starts + again), *known])
+        best = max(fits, key=lambda f: score(stage, f))
+        gone = next(iter(set(now.hypothesis.active) - set(best.hypothesis.active)))
+        late = stage.slots[gone].cause == "transport_delay"
+        spared = _told(stage, now, best, seen) if late else 0.0
+        if score(stage, best) < score(stage, now) - spared:
+            return now
+        if _rings(stage, now, best, seen):
+            return now
+        now = best
+    return now
+
+
+def _told(stage: Stage, late: Refit, poles: Refit, seen: Mapping[tuple, Refit]) -> float:
+    """What poles for a delay may cost: one pole a little, two more nothing; and beside other causes
+    a part of what those are worth, since where their form is not exact, a delay mends it."""
+    if poles.hypothesis.poles > late.hypothesis.poles + 1:
+        return 0.0
+    if backward(poles.hypothesis).size:  # a delay by another name
+        return _TOLD
+    plain = max(score(stage, f) for f in seen.values() if not f.hypothesis.active)
+    return max(_TOLD, _MENDS * (score(stage, poles) - plain))
+
+
+def without(stage: Stage, h: Hypothesis, number: int) -> Hypothesis:
+    kept = tuple(k for k in h.active if k != number)
+    return replace(h, active=kept, theta=cleared(stage, h, kept))
+
+
+def cleared(stage: Stage, h: Hypothesis, keep: Iterable[int] = ()) -> np.ndarray:
+    """The vector with all causes off but those to keep."""
+    theta = stage.off.copy()
+    theta[:FIRST_CAUSE] = h.theta[:FIRST_CAUSE]
+    for number in keep:
+        index = list(stage.slots[number].index)
+        theta[index] = h.theta[index]
+    return theta
+
+
+def _rings(stage: Stage, f: Refit, plain: Refit, seen: Mapping[tuple, Refit]) -> bool:
+    """Whether a fit tells lightly damped poles of a larger plant by their name, as well as it, or
+    nearly all of what they are worth, and the mode is worth more than its name costs."""
+    h, others = f.hypothesis, set(plain.hypothesis.active)
+    named = [stage.slots[number] for number in h.active if number not in others]
+    if [slot.cause for slot in named] != ["resonance"] or not others < set(h.active):
+        return False
+    (slot,) = named
+    damping = h.theta[slot.index[slot.names.index("damping")]]
+    bare = seen.get((*order_of(h), frozenset(others)))
+    if bare is None or score(stage, bare) > score(stage, f):
+        return False
+    smaller = sum(order_of(h)) < sum(order_of(plain.hypothesis))
+    worth, lacks = (score(stage, plain) - score(stage, other) for other in (bare, f))
+    most = min(0.5 * worth, max(_NAME, _LITTLE * worth))
+    return smaller and damping < _LIGHT and lacks < most
