@@ -23,12 +23,13 @@ from .colour import least_squares, whiten
 from .found import MARGIN
 from .judge import Scored, confirmed
 from .price import CAUSE_COST, PARAMETER_COST
-from .search import SWAPPED, SWAPS
+from .search import SURE, SWAPPED, SWAPS
 
 _CHANNELS_COST = 8.0
 _MOST = 7
 _REFITTED = 5  # candidates of a screen that are refitted
 _TIMES = ("delay", "time_constant", "length", "lag")
+_MUCH = 0.3  # of the error, that data held out bear out
 _LATE = (0.03, 0.07, 0.15, 0.32)  # s, that are tried
 
 
@@ -85,12 +86,17 @@ def price(active: Sequence[int]) -> float:
 def search_body(body: Body) -> BodySearch:
     """Find the causes that the body's channels support, as the actuators' search does."""
     plain = now = polished(body, fit_body(body, [()])[0])
+    passed: Sequence[BodyFit] = ()
     for k in range(SWAPS):
-        now = _eliminated(body, _extended(body, now, timed=k == 0))
+        now, passed = _extended(body, now, timed=k == 0)
+        now = _eliminated(body, now)
         findings, other = _findings(body, now)
         if other is None or score(other) < score(now) + SWAPPED:
             break
         now = polished(body, other)
+    more = _borne_out(body, now, passed)
+    if more is not None:
+        now, findings = more, _findings(body, more)[0]
     failed: list[BodyFailed] = []
     while findings:
         worth = [_confirmed(body, now, f.less) for f in findings]
@@ -102,7 +108,7 @@ def search_body(body: Body) -> BodySearch:
         failed.append(BodyFailed(findings[worst], *where, usual))
         body = body.without(findings[worst].number)
         now = _eliminated(body, polished(body, findings[worst].less))
-        now = _eliminated(body, _extended(body, now, timed=False))
+        now = _eliminated(body, _extended(body, now, timed=False)[0])
         findings, _ = _findings(body, now)
     return BodySearch(body, plain, robust(body, now), findings, tuple(failed))
 
@@ -159,10 +165,30 @@ def score(fit: BodyFit) -> float:
     return 2.0 * fit.loglik - price(fit.active)
 
 
-def _extended(body: Body, now: BodyFit, timed: bool) -> BodyFit:
-    """Causes added for as long as they are worth their price. If `timed`, those that act by a time
-    are tried at several, at first and before it ends: a slope tells of a time only where it is
-    small."""
+def _borne_out(body: Body, now: BodyFit, passed: Sequence[BodyFit]) -> BodyFit | None:
+    """Of fits with a cause more that are not worth their price, the one that takes most of the
+    error in a channel, where that is much of it and lasts on data held out: of what is constant, an
+    estimated colour takes most of the evidence."""
+    best, most = None, _MUCH
+    for f in passed:
+        if not set(now.active) < set(f.active) or f.loglik <= now.loglik:
+            continue
+        for channel, mask in body.mask.items():
+            scored, use, held = chained(body, f, now, channel)
+            parts = scored.parts(use, body.dt)
+            sure = parts.mean() > SURE * parts.std(ddof=1) / np.sqrt(parts.size)
+            worth = confirmed(scored, use, body.dt)[0]
+            took = min(_scored(body, f, now, channel, m).taken(m) for m in (mask, use))
+            if held and sure and worth > CAUSE_COST and took > most:
+                best, most = f, took
+    return best
+
+
+def _extended(body: Body, now: BodyFit, timed: bool) -> tuple[BodyFit, Sequence[BodyFit]]:
+    """Causes added for as long as they are worth their price, and the fits with one more, which are
+    not. If `timed`, those that act by a time are tried at several, at first and before it ends: a
+    slope tells of a time only where it is small."""
+    fits: Sequence[BodyFit] = ()
     while len(now.active) < _MOST:
         promising = [s for s in screen_body(body, now) if s[0] > 8.0][:_REFITTED]
         fits = refit_body(body, [_with(now, k, theta) for _, k, theta in promising])
@@ -176,7 +202,7 @@ def _extended(body: Body, now: BodyFit, timed: bool) -> BodyFit:
         if score(best) <= score(now):
             break
         now = polished(body, best)
-    return now
+    return now, fits
 
 
 def _with(fit: BodyFit, number: int, theta: np.ndarray) -> tuple[tuple[int, ...], np.ndarray]:

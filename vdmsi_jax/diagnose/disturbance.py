@@ -18,6 +18,7 @@ _SURROGATES = 200
 _STRETCH = 0.5  # s, over which energy is summed
 _PASTS = (0.3, 1.0, 3.0)  # s, of what is asked, that an error may remember
 _FLOOR = 1e-3  # of the mean energy, below which a stretch is as good as quiet
+_LASTS = 20.0  # s, of a run that has a mean
 _FEW = 20  # stretches, below which nothing can be told
 
 
@@ -79,6 +80,21 @@ def scores(
     middle, spread = np.mean(others, axis=0), np.std(others, axis=0)
     along, rare = (own - middle) / np.maximum(spread, 1e-12)
     return float(along), float(rare)
+
+
+def level(e: Float[np.ndarray, "R N"], mask: Bool[np.ndarray, "R N"], dt: float) -> float:
+    """Share, at most, of the slow error of a run that is its mean: of a disturbance a small one,
+    since it comes and goes within a run. Zero where runs are short.
+
+    Args:
+        e: the error.
+        mask: samples that count.
+        dt: sample period, s.
+    """
+    slow = moving_mean(np.where(mask, e, 0.0), SLOW, dt)
+    runs = [row[use] for row, use in zip(slow, mask, strict=True) if use.sum() * dt > _LASTS]
+    shares = [abs(row.mean()) / max(float(np.sqrt(np.mean(row**2))), 1e-300) for row in runs]
+    return float(max(shares, default=0.0))
 
 
 def _stretches(x: Float[np.ndarray, "... N"], length: int) -> Float[np.ndarray, "... K"]:

@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+from jaxtyping import Float
+
 from .refit import Refit
 from .screen import Candidate
 from .stage import Stage
@@ -81,3 +84,16 @@ class Search:
         told = delayed and backward(plain).size > 0
         several = len(self.findings) > 1
         return finding.less if larger or several or told else self.baseline
+
+    def away(self, finding: Finding) -> tuple[Float[np.ndarray, " k"], float]:
+        """How far the free parameters that make a cause large are from nothing: each in its own
+        standard deviations, and the square of it for all together. A frequency makes none."""
+        fit = self.final
+        free = fit.hypothesis.free(self.stage).tolist()
+        off, own = self.stage.off, self.stage.slots[finding.number].index
+        index = [i for i in own if i in free and off[i] == 0.0]
+        at = [free.index(i) for i in index]
+        away = fit.hypothesis.theta[index]
+        covariance = fit.covariance[np.ix_(at, at)]
+        each = np.abs(away) / np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+        return each, float(away @ np.linalg.pinv(covariance, hermitian=True) @ away)

@@ -17,6 +17,7 @@ from .prepare import Runs, derived, steering_angle
 from .result import Unexplained
 from .search import FREE
 from .stage import Stage
+from .travelled import line_over
 from .unexplained import SMALL, extent, slow_error, structure
 from .windows import thinned
 
@@ -96,6 +97,7 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     causes = [stage.slots[finding.number].cause for finding in own.findings]
     kind = explained(weighed(*asked(spec, stage, final.y, evenly)), causes)
     found = _of_a_kind(spec.output, kind, causes, e, stage.y, stage.mask)
+    found += _of_the_way(spec.output, final.y, e, white, stage)
     found += structure(spec.output, e * evenly, white, *masks, runs.names, stage.dt)
     needs = demands(stage.u, final.y, stage.mask | stage.held_out, stage.dt)
     known = stage.noise.slow
@@ -133,6 +135,24 @@ def _of_a_kind(
     if known or size < SMALL:
         return [Unexplained(channel, kind.share, on, (), words, size=size, of_form=bool(known))]
     return [Unexplained(channel, kind.share, on, (), words, puzzling=kind.share > _PUZZLING)]
+
+
+def _of_the_way(
+    channel: str, response: np.ndarray, e: np.ndarray, white: np.ndarray, stage: Stage
+) -> list[Unexplained]:
+    """What repeats with the way, which is the integral of the response: that of a speed."""
+    use = stage.mask | stage.held_out
+    line = line_over(np.cumsum(response, axis=1) * stage.dt, e, white, use, stage.dt)
+    if line is None:
+        return []
+    unit = "m of way" if channel == "v" else f"of the integral of {channel}"
+    words = f"it repeats every {line.period:.3g} {unit}"
+    on, size = (f"integral of {channel}",), np.sqrt(line.share * np.mean(e[use] ** 2))
+    size = float(size) / extent(stage.y[use])
+    if size < SMALL:
+        words += f"; {100.0 * size:.1f} % of the response's spread"
+        return [Unexplained(channel, line.share, on, (), words, size=size)]
+    return [Unexplained(channel, line.share, on, (), words, puzzling=line.share > _PUZZLING)]
 
 
 def asked(

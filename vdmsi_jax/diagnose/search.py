@@ -19,12 +19,13 @@ from .starts import hilly
 
 SWAPS = 3
 SWAPPED = 2.0  # by which another cause must be better to take a place
-_MUCH, _SURE = 0.4, 2.5  # share of the error, and standard errors, that data held out bear out
+_MUCH, SURE = 0.4, 2.5  # share of the error, and standard errors, that data held out bear out
 _SLOW = 4.0  # squared error over innovations, from which on a part of it is slow
 _WORSENED = 0.2  # of the squared error on data held out, by which a cause may usually raise it
 _MADE_UP = 0.05  # of it, that it must take on the whole if it does
 FREE = 6.0
 """Weight of a cause from which on it can draw nearly any error."""
+_CLEAR = 2.0  # standard deviations, below which a parameter may be nothing
 _BORNE_OUT = 0.25  # of what such a cause takes where it is fitted, that must last elsewhere
 
 
@@ -39,6 +40,8 @@ def search(stage: Stage) -> Search:
     while True:
         found = _whole(whole, stage, plain, grid, now, findings)
         worth = [_confirmed(found, f) for f in found.findings]
+        if len(worth) > 1 and _untold(found, found.findings[-1]):
+            worth[-1] = min(worth[-1], 0.0)
         numbers = {f.finding.number for f in failed}
         against = Scored("", whole.y, found.plain.y, found.final.y, found.final.colour)
         if not worth or (min(worth) > 0.0 and not _worse(against, whole)):
@@ -120,6 +123,13 @@ def _confirmed(found: Search, finding: Finding) -> float:
     return -abs(worth) if fails else worth
 
 
+def _untold(found: Search, finding: Finding) -> bool:
+    """Whether the data tell no parameter of a cause from nothing, nor all of them together: it
+    takes what is left of another, and blurs that one."""
+    each, together = found.away(finding)
+    return bool(each.size and each.max() < _CLEAR and together < _CLEAR**2 * each.size)
+
+
 def _drawn(stage: Stage, number: int, scored: Scored) -> bool:
     """Whether a cause with many parameters has drawn the error that was fitted, and tells little of
     that of data held out."""
@@ -169,7 +179,7 @@ def _borne_out(found: Search, seen: Mapping[tuple, Refit], failed: set[int]) -> 
         scored = Scored("", stage.y, final.y, whole.y, whole.colour)
         gain = gain_of(scored, stage.held_out, True, stage.dt)
         worth = confirmed(scored, stage.held_out, stage.dt)[0]
-        sure = gain.after - gain.before > _SURE * gain.se
+        sure = gain.after - gain.before > SURE * gain.se
         if sure and worth > CAUSE_COST and scored.taken(stage.held_out) > most:
             best, most = f, scored.taken(stage.held_out)
     return best

@@ -149,13 +149,8 @@ def _vague(cause: Named, found: Finding) -> bool:
         return False
     if cause.search is None or cause.finding is None or len(told) == 1:
         return True
-    stage, fit = cause.search.stage, cause.search.final
-    free = fit.hypothesis.free(stage).tolist()
-    index = [i for i in stage.slots[cause.finding.number].index if i in free]
-    at = [free.index(i) for i in index]
-    away = (fit.hypothesis.theta - stage.off)[index]
-    together = away @ np.linalg.pinv(fit.covariance[np.ix_(at, at)], hermitian=True) @ away
-    return bool(together < _CLEAR**2 * len(told))
+    each, together = cause.search.away(cause.finding)
+    return together < _CLEAR**2 * each.size
 
 
 def overshadowed(found: Finding, findings: Sequence[Finding]) -> bool:

@@ -30,7 +30,10 @@ class RateLimit(AbstractEffect):
     at: Literal["response", "command"] = eqx.field(static=True, default="response")
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
-        slow = [1.0 / (k * max(scales.rate, 1e-12)) for k in (1.5, 0.9, 0.6, 0.35)]
+        rate = scales.rate
+        if self.at == "command":  # the command of a hull is the angle of its rudder
+            rate *= scales.command / max(scales.response, 1e-12)
+        slow = [1.0 / (k * max(rate, 1e-12)) for k in (1.5, 0.9, 0.6, 0.35)]
         return [(k, k) for k in slow] + [(slow[1], 0.0), (0.0, slow[1])]
 
     def effort(self, at: Effort) -> Float[Array, ""]:
