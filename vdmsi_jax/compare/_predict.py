@@ -90,7 +90,7 @@ def motion(record: Record, model: Model, kind: Kind) -> tuple[dict[str, np.ndarr
     for i, (segment, since) in enumerate(zip(record.segments, _since(record), strict=True)):
         x, y, psi = (record[name][segment.start] for name in POSE)
         start = Start(x, y, psi, powertrain=powertrain[i], steering=steering[i])
-        commands = Commands(speeds[i], angles[i], record.dt, since=since)
+        commands = Commands(speeds[i], angles[i], record.dt, since=since, session=record.session)
         trajectories.append(simulate(vehicle, commands, start))
     failed = [t for t in trajectories if not bool(t.ok)]
     channels = {
@@ -156,7 +156,9 @@ def _heard(
     v = next((channels[name] for name in speeds if name in channels), nothing)
     rows = (_padded(record, values) for values in (v, channels.get(other, nothing)))
     return [
-        model.hearing(surroundings(jnp.asarray(v), jnp.asarray(w), record.dt, since))
+        model.hearing(
+            surroundings(jnp.asarray(v), jnp.asarray(w), record.dt, since, record.session)
+        )
         for v, w, since in zip(*rows, _since(record), strict=True)
     ]
 

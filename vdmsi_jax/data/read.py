@@ -20,6 +20,7 @@ from .mend import Raw
 from .npz_table import NpzTable
 from .prepare import prepare
 from .record import Record
+from .session import in_session
 from .table import Table
 
 _CONFIG_NAMES = ("vehicle.toml",)
@@ -91,12 +92,13 @@ def read_logs(
     files = [Path(path) for path in paths]
     records = [read_log(file, config) for file in files]
     names = [record.name for record in records]
-    return [
+    records = [
         record.renamed(f"{file.parent.name}/{record.name}")
         if names.count(record.name) > 1
         else record
         for file, record in zip(files, records, strict=True)
     ]
+    return in_session(records)
 
 
 def _open_table(path: Path) -> Table:

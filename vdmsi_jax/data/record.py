@@ -41,6 +41,8 @@ class Record:
             without one has none.
         steps: name -> size of the steps in which a measurement was logged, where resampling has
             smoothed them.
+        session: time at which it begins of the session that it is a part of, s; zero where it
+            stands alone.
     """
 
     name: str
@@ -54,6 +56,7 @@ class Record:
     plants: tuple[PlantSpec, ...] = ()
     filled: Mapping[str, Bool[np.ndarray, " N"]] = field(default_factory=dict)
     steps: Mapping[str, float] = field(default_factory=dict)
+    session: float = 0.0
 
     def __post_init__(self):
         object.__setattr__(self, "t", _frozen(self.t, np.float64))
@@ -78,7 +81,15 @@ class Record:
             self.vehicle,
             self.plants,
         )
-        own = (self.name, self.dt, self.t, *plain, dict(self.filled), dict(self.steps))
+        own = (
+            self.name,
+            self.dt,
+            self.t,
+            *plain,
+            dict(self.filled),
+            dict(self.steps),
+            self.session,
+        )
         return type(self), own
 
     @classmethod

@@ -10,10 +10,12 @@ import numpy as np
 from ..config import PlantSpec, VehicleGeometry
 from ..data import check_excitation
 from ..data.record import Record
+from ..data.session import in_session
 from ..errors import InputError
 from ..programs import make_room
 from .body_search import search_body
 from .found import Search
+from .leftover import is_another
 from .noise import KnownNoise
 from .prepare import Runs, body_of, lay_out, slower, stage_of
 from .result import Diagnosis
@@ -58,13 +60,32 @@ def _diagnose(
 ) -> Diagnosis:
     several = [records] if isinstance(records, Record) else list(records)
     several = [slower(record) for record in _alike(several, vehicle)]
+    if not any(record.session for record in several):
+        several = in_session(several)
     say = told or (lambda _: None)
-    runs = lay_out(several)
     plants = plants_of(several)
     outputs = [spec.output for spec in plants]
     for channel in set(noise) - set(outputs):
         problem = f"noise of {channel}, which is the response of no plant"
         raise InputError("noise", channel, problem, f"give it for {' or '.join(outputs)}")
+    runs = lay_out(several)
+    evidence = _evidence(several, runs, plants, noise, say)
+    found = evidence.diagnosis()
+    if any(runs.whole() and is_another(own) for own in evidence.searches.values()):
+        say("the logs that judge show what the others do not: fitting a part of each")
+        parts = _evidence(several, lay_out(several, whole=False), plants, noise, say).diagnosis()
+        found = max(found, parts, key=lambda d: len(d.findings))
+    return found
+
+
+def _evidence(
+    several: Sequence[Record],
+    runs: Runs,
+    plants: Sequence[PlantSpec],
+    noise: Mapping[str, KnownNoise],
+    say: Callable[[str], None],
+) -> Evidence:
+    """What the searches find where these parts of the logs are held out."""
     say(f"looking into the {' and the '.join(spec.name for spec in plants)}")
 
     def look(spec: PlantSpec) -> Search | str:
@@ -89,7 +110,7 @@ def _diagnose(
         mend = "name commands and responses in [columns], and pair them in [[plants]]"
         raise InputError(names, "plants", unseen[0] if unseen else "nothing to diagnose", mend)
     say("judging on the data held out")
-    return Evidence(several, runs, searches, bodily, tuple(unseen)).diagnosis()
+    return Evidence(several, runs, searches, bodily, tuple(unseen))
 
 
 def _alike(records: list[Record], vehicle: VehicleGeometry | None) -> list[Record]:

@@ -18,12 +18,15 @@ from .result import Unexplained
 from .search import FREE
 from .stage import Stage
 from .travelled import line_over
-from .unexplained import SMALL, extent, slow_error, structure
+from .unexplained import LARGE_HELD_OUT, SMALL, extent, slow_error, slow_sizes, structure
 from .windows import thinned
 
 _LOUD = 100.0  # of twice the log-likelihood, from which a cause that fails on other data is told
 _SEEN = 0.005  # of the squared error, from which on it is
 _PUZZLING = 0.2  # of it, from which on it casts doubt on what was found beside
+_ANOTHER = (
+    2.5  # times the slow error on data fitted, from which on data held out are of another kind
+)
 _MANY = 30_000  # samples, beyond which kinds of error are asked by means of several
 
 Question = tuple[np.ndarray, np.ndarray, list[Family], np.ndarray, np.ndarray, float]
@@ -39,6 +42,15 @@ def leftover(
     if bodily is not None:
         found += _of_body(runs, bodily)
     return found
+
+
+def is_another(own: Search) -> bool:
+    """Whether a plant errs much more, and slowly, on the data held out than where it was fitted: of
+    what happens there alone no fit can know."""
+    stage = own.stage
+    masks = (stage.mask, stage.held_out)
+    sizes = slow_sizes(stage.y - own.final.y, stage.y, masks, stage.dt)
+    return sizes[1] > LARGE_HELD_OUT and sizes[1] > _ANOTHER * sizes[0]
 
 
 def stand_ins(

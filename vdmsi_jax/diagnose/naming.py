@@ -28,6 +28,7 @@ _FORMS = {
     ("by", "skew"): "to one side",
     ("by", "command"): "by the sign of the command",
     ("by", "effort"): "by the sign of the effort",
+    ("over", "session"): "over the session",
     ("against", "rate"): "against the motion of the response",
     ("against", "response"): "against the speed itself",
     ("by", "signed"): "by the other command",

@@ -36,6 +36,7 @@ _FOREIGN = {
     "steering": {"drag", "road_grade", "coulomb_friction against response"}
     | {f"cross_coupling by {by}" for by in ("signed", "size", "square", "slowed")},
 }
+_SESSION = {"gain_drift over session", "regime_change over session"}
 _VEHICLES_ONLY = {"cross_coupling", "speed_dependent_gain", "drag", "road_grade"}
 
 
@@ -90,6 +91,10 @@ class Runs:
                 row[first:stop] = True
         return held
 
+    def whole(self) -> bool:
+        """Whether whole records are held out."""
+        return any(not spans for spans in self.judged) and any(self.judged)
+
     def time(self) -> Float[np.ndarray, "R N"]:
         """(R, N) time since the start of the run, s."""
         return np.asarray(self.since)[:, None] + self.dt * np.arange(self.length)
@@ -134,12 +139,12 @@ def slower(record: Record) -> Record:
     )
 
 
-def lay_out(records: Sequence[Record]) -> Runs:
+def lay_out(records: Sequence[Record], whole: bool = True) -> Runs:
     """Put the segments of records side by side and choose what is held out: a third of the records,
-    or, where none can judge the others, three tenths of each segment that lie apart, since its end
-    may show another regime."""
+    or, where none can judge the others or whole ones shall not, three tenths of each segment that
+    lie apart, since its end may show another regime."""
     pieces = []
-    judging = judges(records)
+    judging = judges(records) if whole else None
     many = sum(len(s) for r in records for s in r.segments) > _MOST
     at_once = _STRETCH if many else _LONGEST
     for k, record in enumerate(records):
@@ -201,7 +206,9 @@ def steering_angle(runs: Runs) -> tuple[np.ndarray, np.ndarray] | None:
 
 def kind(effect: AbstractEffect) -> str:
     """The cause and which of its forms: `saturation at command`."""
-    forms = [n for n in ("at", "by", "against") if isinstance(getattr(effect, n, None), str)]
+    forms = [
+        n for n in ("at", "by", "over", "against") if isinstance(getattr(effect, n, None), str)
+    ]
     return " ".join([effect.cause, *(f"{n} {getattr(effect, n)}" for n in forms)])
 
 
@@ -223,11 +230,14 @@ def stage_of(runs: Runs, spec: PlantSpec, reference: KnownNoise | None = None) -
     foreign = _FOREIGN.get(name, set()) | (set() if is_vehicle else _VEHICLES_ONLY)
     if u.min() >= 0.0 or u.max() <= 0.0:  # there both forms are one
         foreign = foreign | {"gain_nonlinearity by skew"}
+    begun = np.array([[r.session] for r in runs.records])
+    if np.ptp(begun) == 0.0:  # there is none, or it is the run
+        foreign = foreign | _SESSION
     wheres = tuple("vehicle" if e.cause == "road_grade" else name for e in ACTUATOR)
     allowed = tuple(i for i, e in enumerate(ACTUATOR) if not {e.cause, kind(e)} & foreign)
     shared = (runs.time(), v, other, distance * runs.dt)
     masks = seen & ~held, seen & held
-    stage = make_stage(spec.name, u, y, *masks, shared, allowed, wheres, runs.dt)
+    stage = make_stage(spec.name, u, y, *masks, shared, allowed, wheres, runs.dt, begun)
     if reference is not None:
         return replace(stage, noise=reference.at(runs.dt))
     known = repeated(repeats(runs), y, seen, stage.scales.time_constant, runs.dt)
@@ -246,8 +256,10 @@ def repeats(runs: Runs) -> tuple[Pair, ...]:
     return pairs(np.stack(told), inside, logs, runs.dt)
 
 
-def make_stage(name, u, y, mask, held_out, shared, allowed, wheres, dt) -> Stage:
+def make_stage(name, u, y, mask, held_out, shared, allowed, wheres, dt, begun=None) -> Stage:
     """A stage with the sizes of its signals, from arrays."""
+    begun = np.zeros((len(u), 1)) if begun is None else begun
+    ends = [x[use].max() for x, use in zip(begun + shared[0], mask, strict=True) if use.any()]
     known = mask | held_out
     pieces = [row[use] for row, use in zip(y, known, strict=True) if use.any()]
     lengths = [int(use.sum()) for use in known]
@@ -259,18 +271,19 @@ def make_stage(name, u, y, mask, held_out, shared, allowed, wheres, dt) -> Stage
         rate=1.0, speed=float(np.mean(np.abs(shared[1][known]))),
         distance=float(shared[3][mask].max()),
         duration=max(lengths) * dt, dt=dt, time_constant=1.0,
-        noise=float(noise) if np.isfinite(noise) else 0.0,
+        noise=float(noise) if np.isfinite(noise) else 0.0, session=float(max(ends, default=0.0)),
     )  # fmt: skip
     effects = tuple(e.scaled(scales) for e in ACTUATOR)
     t, v, other, distance = (jnp.asarray(x) for x in shared)
     one, none = jnp.ones(()), jnp.zeros(2)
-    signals = Signals(t, v, other, distance, one, none, jnp.asarray(dt), 1)
+    began = jnp.asarray(begun)
+    signals = Signals(t, v, other, distance, one, none, jnp.asarray(dt), 1, begun=began)
     stage = Stage(name, u, y, mask, held_out, signals, effects, allowed, wheres, scales, 1.0, dt)
     slow, response = _look(stage)
     rates = np.abs(np.diff(response, axis=1))[known[:, 1:]] / dt
     scales = replace_scales(scales, rate=_typical(rates), time_constant=slow)
     substeps = int(np.clip(2 ** np.ceil(np.log2(max(15.0 * dt / slow, 1.0))), 1, 4))
-    signals = Signals(t, v, other, distance, one, none, jnp.asarray(dt / substeps), substeps)
+    signals = replace(signals, h=jnp.asarray(dt / substeps), substeps=substeps)
     return replace(stage, scales=scales, pace=1.0 / slow, signals=signals)
 
 

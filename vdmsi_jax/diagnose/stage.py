@@ -25,7 +25,7 @@ from .noise import Noise, OwnNoise
 
 POLES = 4
 LEADS = (2 * POLES, 2 * POLES + 1)  # where those of forces stand in a vector, by 1 / pace
-PER_RUN = ("t", "v", "other", "distance")  # of the signals
+PER_RUN = ("t", "v", "other", "distance", "begun")  # of the signals
 FIRST_CAUSE = LEADS[-1] + 1  # where the parameters of causes begin
 MOST_LEAD = 30.0
 _PAIRS = 32  # of a vector and a run, that the compiled program simulates side by side

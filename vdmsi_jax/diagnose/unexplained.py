@@ -121,6 +121,20 @@ def slow_error(
     return None
 
 
+def slow_sizes(
+    residual: Float[np.ndarray, "R N"],
+    response: Float[np.ndarray, "R N"],
+    masks: tuple[Bool[np.ndarray, "R N"], Bool[np.ndarray, "R N"]],
+    dt: float,
+) -> tuple[float, float]:
+    """Slow error of a response's spread, on data fitted and held out; zero where there are none."""
+    sizes = []
+    for use in masks:
+        slow = moving_mean(np.where(use, residual, 0.0), SLOW, dt)[use]
+        sizes.append(float(np.sqrt(np.mean(slow**2))) / extent(response[use]) if use.any() else 0.0)
+    return sizes[0], sizes[1]
+
+
 def extent(values: Float[np.ndarray, " n"]) -> float:
     """Spread of a response, or a part of its level where it hardly moves."""
     return max(float(np.std(values)), _OF_LEVEL * float(np.abs(values).max()), 1e-300)

@@ -37,6 +37,7 @@ class Signals(eqx.Module):
         h: length of a sub-step, s.
         substeps: sub-steps a row.
         before: the command that acted before the first row; None for the first command itself.
+        begun: time of the session at which the run began, s.
     """
 
     t: Float[Array, "*runs N"]
@@ -48,6 +49,7 @@ class Signals(eqx.Module):
     h: Float[Array, ""]
     substeps: int = eqx.field(static=True)
     before: Float[Array, ""] | None = None
+    begun: Float[Array, "*runs 1"] = eqx.field(default_factory=lambda: jnp.zeros(1))
 
     @staticmethod
     def plain(n: int, dt: float, substeps: int = 1) -> "Signals":
@@ -92,6 +94,7 @@ class Scales(eqx.Module):
         dt: sample period, s.
         time_constant: slowest time constant of the plant, s.
         noise: standard deviation of the response's noise.
+        session: length of the session, s, of which the runs are parts; zero where they are none.
     """
 
     low: float
@@ -105,6 +108,7 @@ class Scales(eqx.Module):
     dt: float
     time_constant: float
     noise: float
+    session: float = 0.0
 
     @property
     def command(self) -> float:

@@ -17,6 +17,7 @@ class Commands(eqx.Module):
         dt: sample period, s.
         t0: time of the first row, s.
         since: time of the first row since the run began, s, for what changes as a run goes on.
+        session: time of the session at which the run began, s, as `Record.session`.
     """
 
     v_cmd: Float[Array, "*batch N"] = eqx.field(converter=jnp.asarray)
@@ -24,6 +25,7 @@ class Commands(eqx.Module):
     dt: Float[Array, ""] = eqx.field(converter=jnp.asarray)
     t0: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.0)
     since: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.0)
+    session: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.0)
 
     def __check_init__(self):
         if self.v_cmd.shape != self.delta_cmd.shape or self.v_cmd.shape[-1] < 2:
@@ -43,4 +45,5 @@ class Commands(eqx.Module):
             problem = f"has {len(record.segments)} segments, and a simulation cannot cross a gap"
             mend = "simulate record.select([segment]) for each of record.segments"
             raise InputError(record.name, "segments", problem, mend)
-        return Commands(record["v_cmd"], record["delta_cmd"], record.dt, record.t[0])
+        v_cmd, delta_cmd = record["v_cmd"], record["delta_cmd"]
+        return Commands(v_cmd, delta_cmd, record.dt, record.t[0], session=record.session)

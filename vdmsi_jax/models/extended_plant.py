@@ -146,6 +146,7 @@ class ExtendedPlant(AbstractPlant):
             leads=leads,
             h=dt / self.substeps,
             substeps=self.substeps,
+            begun=told.begun,
         )
 
 
@@ -154,6 +155,7 @@ def surroundings(
     other: Float[Array, " N"],
     dt: Float[ArrayLike, ""],
     since: Float[ArrayLike, ""] = 0.0,
+    begun: Float[ArrayLike, ""] = 0.0,
 ) -> Signals:
     """What an actuator of a vehicle is told.
 
@@ -162,11 +164,13 @@ def surroundings(
         other: command of the other actuator.
         dt: sample period, s.
         since: time of the first row since the run began, s.
+        begun: time of the session at which the run began, s.
     """
     dt = jnp.asarray(dt, float)
     t = jnp.asarray(since, float) + dt * jnp.arange(v.shape[0])
     way = jnp.concatenate([jnp.zeros(1), jnp.cumsum(jnp.abs(v[:-1])) * dt])
-    return Signals(t, v, other, way, jnp.ones(()), jnp.zeros(2), dt, 1)
+    one, none, began = jnp.ones(()), jnp.zeros(2), jnp.asarray(begun, float)[None]
+    return Signals(t, v, other, way, one, none, dt, 1, begun=began)
 
 
 def _by_substeps(signals: Signals) -> Signals:

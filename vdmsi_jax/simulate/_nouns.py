@@ -108,7 +108,9 @@ def respond(vehicle: Vehicle, commands: Commands, start: Start) -> Responses:
 
     def run(plant: AbstractPlant, u: Array, v: Array, other: Array, x0: Array | None):
         if isinstance(plant, ExtendedPlant):
-            plant = plant.hearing(surroundings(v, other, commands.dt, commands.since))
+            plant = plant.hearing(
+                surroundings(v, other, commands.dt, commands.since, commands.session)
+            )
         return plant.trace(u, commands.dt, x0)
 
     v_cmd, delta_cmd = commands.v_cmd, commands.delta_cmd
