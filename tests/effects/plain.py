@@ -16,7 +16,8 @@ GRAVITY = 9.80665
 
 @dataclass(frozen=True)
 class Drive:
-    """Commands and what goes on around them, one row each; `fine` repeats rows to milliseconds."""
+    """Commands and what goes on around them, one row each; `fine` repeats rows to milliseconds. The
+    run begins `begun` seconds into its session."""
 
     t: np.ndarray
     u: np.ndarray
@@ -24,12 +25,13 @@ class Drive:
     other: np.ndarray
     distance: np.ndarray
     dt: float
+    begun: float = 0.0
 
     def fine(self, rows: np.ndarray) -> np.ndarray:
         return np.repeat(rows, round(self.dt / MS))
 
 
-def drive(n: int, dt: float, seed: int) -> Drive:
+def drive(n: int, dt: float, seed: int, begun: float = 0.0) -> Drive:
     """Commands in steps of both signs with slow reversals and a chirp, by a moving vehicle."""
     rng = np.random.default_rng(seed)
     t = dt * np.arange(n)
@@ -38,7 +40,7 @@ def drive(n: int, dt: float, seed: int) -> Drive:
     u = steps + 1.4 * np.sin(2.0 * np.pi * 0.11 * t + seed) + 0.7 * np.sin(2 * np.pi * 0.06 * t * t)
     v = 10.0 + 4.0 * np.sin(2.0 * np.pi * 0.13 * t + seed)
     other = 0.3 * np.repeat(rng.uniform(-1.0, 1.0, n // 30 + 1), 30)[:n]
-    return Drive(t, u, v, other, np.cumsum(v) * dt - v[0] * dt, dt)
+    return Drive(t, u, v, other, np.cumsum(v) * dt - v[0] * dt, dt, begun)
 
 
 def same(values: np.ndarray, drive: Drive) -> np.ndarray:
@@ -196,17 +198,17 @@ def added(bias: float) -> Cause:
     return Cause(measured=lambda y, d: y + bias)
 
 
-def drift(rate: float) -> Cause:
-    return Cause(rows=lambda u, d: (1.0 + rate * d.t) * u)
+def drift(rate: float, session: bool = False) -> Cause:
+    return Cause(rows=lambda u, d: (1.0 + rate * (d.t + (d.begun if session else 0.0))) * u)
 
 
 def warming(rate: float, seconds: float) -> Cause:
     return Cause(rows=lambda u, d: (1.0 - rate * seconds * np.expm1(-d.t / seconds)) * u)
 
 
-def new_gain(time: float, gain: float, slowing: float = 0.0) -> Cause:
+def new_gain(time: float, gain: float, slowing: float = 0.0, session: bool = False) -> Cause:
     def jump(u, d):
-        after = d.t[0] + MS * np.arange(len(u)) >= time
+        after = d.t[0] + (d.begun if session else 0.0) + MS * np.arange(len(u)) >= time
         out = np.where(after, (1.0 + gain) * u, u)
         if slowing:
             at = float(out[np.argmax(after)])

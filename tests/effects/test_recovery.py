@@ -28,7 +28,7 @@ PACE = 1.0 / TAU
 WITHIN = 0.03
 """Of a parameter (of the largest of a profile): sub-steps of 5 ms against 1 ms, and noise."""
 
-DRIVES = [plain.drive(ROWS, DT, seed) for seed in (1, 2)]
+DRIVES = [plain.drive(ROWS, DT, seed, k * ROWS * DT) for k, seed in enumerate((1, 2))]
 LENGTH = max(d.distance[-1] for d in DRIVES)
 SLOPES = (
     *(0.0, 0.02, 0.05, 0.08, 0.06, 0.02, -0.03, -0.04),
@@ -77,10 +77,16 @@ CASES = {
         plain.coupled(0.31, lambda u, d: np.gradient(d.v, d.dt)), (0.31,), within=(0.06,)
     ),
     "GainAsymmetry command": Case(plain.two_gains(0.27), (0.27,)),
-    "GainDrift": Case(plain.drift(0.011), (0.011, 0.0), within=(0.06, 0.01)),
-    "GainDrift, that fades": Case(plain.warming(0.04, 7.0), (0.04, 1 / 7.0), within=(0.06, 0.1)),
-    "RegimeChange": Case(plain.new_gain(9.83, -0.23), (9.83, -0.23, 0.0), within=(WITHIN,) * 3),
-    "RegimeChange, that slows": Case(
+    "GainDrift run": Case(plain.drift(0.011), (0.011, 0.0), within=(0.06, 0.01)),
+    "GainDrift session": Case(plain.drift(0.011, True), (0.011, 0.0), within=(0.06, 0.01)),
+    "GainDrift run, that fades": Case(plain.warming(0.04, 7.0), (0.04, 1 / 7.0), within=(0.06, 0.1)),
+    "RegimeChange run": Case(
+        plain.new_gain(9.83, -0.23), (9.83, -0.23, 0.0), within=(WITHIN,) * 3
+    ),
+    "RegimeChange session": Case(
+        plain.new_gain(28.17, -0.23, session=True), (28.17, -0.23, 0.0), within=(WITHIN,) * 3
+    ),
+    "RegimeChange run, that slows": Case(
         plain.new_gain(9.83, -0.23, 0.12), (9.83, -0.23, 0.12), within=(WITHIN, WITHIN, 0.1)
     ),
     "Quantization": Case(plain.stepped(0.37), (0.37,), screened=True),
@@ -141,11 +147,12 @@ def stage_of(name: str, poles: int) -> Stage:
     scales = Scales(
         *np.quantile(u, [0.02, 0.98]).tolist(), *np.quantile(y, [0.02, 0.98]).tolist(), rate=rate,
         speed=10.0, distance=float(distance.max()), duration=ROWS * DT, dt=DT, time_constant=TAU,
-        noise=NOISE,
+        noise=NOISE, session=2 * ROWS * DT,
     )  # fmt: skip
     signals = Signals(
         *map(jnp.asarray, (t, v, other, distance)),
         jnp.ones(()), jnp.zeros(2), jnp.asarray(DT / SUBSTEPS), SUBSTEPS,
+        begun=jnp.asarray([[d.begun] for d in drives]),
     )  # fmt: skip
     effects = tuple(e.scaled(scales) for e in ACTUATOR)
     everything = np.ones(u.shape, bool)

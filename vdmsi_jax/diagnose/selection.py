@@ -28,6 +28,7 @@ _SMALLER = 2  # smaller plants that are screened
 _FROM_SMALLER = 4  # candidates of the screens of smaller plants that are refitted
 _SMALL = ((1, 0), (2, 0), (2, 1), (3, 0), (3, 1))
 _MOST_CAUSES = 4
+_PROGRESS = 0.5  # of the score by a model beside a cause, below which nothing has got better
 _STEADY = 1.5  # standard errors over blocks that a second cause must be likelier by
 _LIGHT, _NAME = 0.15, 20.0  # damping of a mode, and what its name may cost
 _LITTLE = 0.02  # of what the poles are worth that tell a mode, which its name may cost
@@ -71,7 +72,8 @@ def climbed(
             fits += _afresh(stage, plain, grid)
             fits += [f for small in _strongest(stage, fits, grid) for f in grown(stage, small)]
         seen |= {key_of(f.hypothesis): f for f in fits}
-        better = [f for f in fits if score(stage, f) > score(stage, now)]
+        least = score(stage, now) + (0.0 if now is plain else _PROGRESS)
+        better = [f for f in fits if score(stage, f) > least]
         if now is plain and not better:
             better = [f for f in fits if _rings(stage, f, plain, seen)]
             rings = bool(better)
