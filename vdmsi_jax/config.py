@@ -45,8 +45,9 @@ class VehicleGeometry:
     """Where the axles are, and which point of the vehicle the log means by its speed and pose.
 
     Attributes:
-        l_f: distance from the centre of gravity to the front axle, m.
-        l_r: distance from the centre of gravity to the rear axle, m.
+        l_f: how far the steered axle is ahead of the centre of gravity, m.
+        l_r: how far the other axle is behind it, m. Both are negative for a vehicle that steers at
+            the rear, as a forklift.
         reference_point: the point whose speed and pose are logged. Logs of real vehicles often mean
             the rear axle, and reading those as the centre of gravity makes side slip where there is
             none.
@@ -62,10 +63,12 @@ class VehicleGeometry:
     def __post_init__(self):
         for name in ("l_f", "l_r"):
             value = getattr(self, name)
-            fine = math.isfinite(value) and value >= 0.0
-            _require(fine, self, name, f"{value} is no distance", "give metres, zero or more")
+            _require(math.isfinite(value), self, name, f"{value} is no distance", "give metres")
+        problem = f"{self.l_f} and l_r = {self.l_r} lie on the same side"
+        mend = "give metres, zero or more; both negative where the steered axle is behind"
+        _require(self.l_f * self.l_r >= 0.0, self, "l_f", problem, mend)
         problem = "the wheelbase l_f + l_r is zero"
-        _require(self.wheelbase > 0.0, self, "l_f", problem, "give the distances in metres")
+        _require(self.wheelbase != 0.0, self, "l_f", problem, "give the distances in metres")
         fine = (self.reference_point == "sensor") == (self.lever_arm is not None)
         problem = f"does not go with reference_point = {self.reference_point!r}"
         mend = 'give it (m ahead of the centre of gravity) with "sensor", and only then'

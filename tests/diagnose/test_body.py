@@ -14,11 +14,17 @@ DT, ROWS, FINE = 0.02, 2500, 20
 
 
 def turning(
-    seed: int, *, late: float = 0.0, inertia: float = 0.0, bias: float = 0.0, wander: float = 0.0
+    seed: int,
+    *,
+    late: float = 0.0,
+    inertia: float = 0.0,
+    bias: float = 0.0,
+    wander: float = 0.0,
+    judged: bool = False,
 ) -> Body:
     """Two runs whose speed and angle swing; the yaw rate is told `late` seconds after it was, and
     follows with a time constant of `inertia` seconds per m/s. A constant and a slow noise of 0.4 s,
-    rad/s, are added to it."""
+    rad/s, are added to it. If `judged`, the second run is held out."""
     rng = np.random.default_rng(seed)
     t = DT / FINE * np.arange(ROWS * FINE)
     v, delta, r = [], [], []
@@ -36,10 +42,11 @@ def turning(
             seen[k] += bias + slow
         v, delta, r = [*v, speed[::FINE]], [*delta, angle[::FINE]], [*r, seen]
     zero, here = np.zeros((2, ROWS)), {"r": np.ones((2, ROWS), bool)}
-    nowhere = {"r": np.zeros((2, ROWS), bool)}
+    held = {"r": np.zeros((2, ROWS), bool)}
+    here["r"][1], held["r"][1] = not judged, judged
     bicycle = Bicycle(1.2, 1.5)
     return Body(
-        np.array(v), np.array(delta), zero, zero, {"r": np.array(r)}, here, nowhere, bicycle, DT
+        np.array(v), np.array(delta), zero, zero, {"r": np.array(r)}, here, held, bicycle, DT
     )
 
 
@@ -70,8 +77,16 @@ def test_a_bias_that_the_noise_s_colour_would_swallow_is_found():
     assert found["sensor_bias"] == pytest.approx(0.02, abs=0.004)
 
 
+def test_a_bias_that_is_not_worth_its_price_is_found_where_data_held_out_bear_it_out():
+    body = turning(6, bias=0.018, wander=0.018, judged=True)
+    (cause,) = found_in(body)  # such noise does not tell a bias from a wheel that is off
+    assert cause in ("sensor_bias", "offset")
+    assert not found_in(replace(body, held_out={c: ~m & False for c, m in body.mask.items()}))
+
+
 def test_a_slow_noise_alone_is_no_bias():
     assert not found_in(turning(4, wander=0.012))
+    assert not found_in(turning(4, wander=0.018, judged=True))
 
 
 def test_runs_with_the_same_commands_tell_the_colour_where_both_are_fitted():

@@ -18,11 +18,13 @@ def driven(
     swing: float = 0.0,
     ramps: tuple[float, float] = (np.inf, np.inf),
     friction: float = 0.0,
+    fails: float = np.inf,
     noise: float = 0.01,
 ):
     """Three logs of a damped servo of 2 Hz behind a lag, the command late by `delay` seconds and
     ramped upward and downward, the servo with dry friction, in units of the command; a sine of 1.3
-    Hz that begins each run anywhere is added to the response. It is at rest under the first command
+    Hz that begins each run anywhere is added to the response. `fails` seconds after the first log
+    began a seventh of the command is lost for good. It is at rest under the first command
     when a log begins, or, `awake`, at zero with that command on its way."""
     rng = np.random.default_rng(seed)
     made = []
@@ -33,6 +35,8 @@ def driven(
         v, y = 0.0, []
         natural, h = 2.0 * np.pi * 2.0, 0.001
         for k, command in enumerate(late[: ROWS * FINE]):
+            if run * ROWS * DT + k * h >= fails:
+                command = command * 6.0 / 7.0
             if k % FINE == 0:
                 y.append(x)
             ramped += np.clip(command - ramped, -h * ramps[1], h * ramps[0])
@@ -195,3 +199,13 @@ def test_hills_do_not_draw_a_gain_that_falls_on_the_way():
         r.cause for r in diagnosis.findings[0].rivals if r.indistinguishable
     }
     assert "regime_change" in names and diagnosis.findings[0].cause != "road_grade"
+
+
+@pytest.mark.parametrize("when", [41.7, 71.7])  # in the second log, and in the one that judges
+def test_what_breaks_in_one_log_stays_broken_in_the_next(when):
+    diagnosis = vj.diagnose(driven(11, fails=when))
+    (finding,) = diagnosis.findings
+    assert finding.cause == "regime_change" and finding.form == "over the session"
+    assert finding.parameters["time"].value == pytest.approx(when, abs=0.1)
+    assert finding.parameters["gain"].value == pytest.approx(-1.0 / 7.0, abs=0.01)
+    assert diagnosis.verdict == "explained"

@@ -5,7 +5,7 @@ import pytest
 
 from vdmsi_jax.data.record import Record
 from vdmsi_jax.diagnose.chain import bands, regress
-from vdmsi_jax.diagnose.disturbance import demands
+from vdmsi_jax.diagnose.disturbance import demands, level
 from vdmsi_jax.diagnose.judge import Scored, Trial, confirmed, gain_of
 from vdmsi_jax.diagnose.prepare import lay_out
 from vdmsi_jax.diagnose.result import Gain
@@ -68,6 +68,15 @@ def test_a_slow_error_that_comes_in_events_is_the_model_s():
     gusts = np.sum(1.2 * np.exp(-(((T - at) / 0.8) ** 2)), axis=0)
     found = slow(gusts[None])
     assert found is not None and found.puzzling
+
+
+def test_a_slow_error_that_sets_a_run_apart_is_the_model_s():
+    raised = 0.4 + wind(0.15)
+    assert level(raised, EVERYWHERE, DT) > 0.7 > level(wind(0.3), EVERYWHERE, DT)
+    found = slow(raised)
+    assert found is not None and found.puzzling and not found.steady
+    short = EVERYWHERE & (T < 15.0)
+    assert level(raised, short, DT) == 0.0
 
 
 def test_a_smaller_one_is_told_where_it_surely_goes_with_what_is_asked():

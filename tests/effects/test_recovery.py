@@ -79,10 +79,10 @@ CASES = {
     "GainAsymmetry command": Case(plain.two_gains(0.27), (0.27,)),
     "GainDrift run": Case(plain.drift(0.011), (0.011, 0.0), within=(0.06, 0.01)),
     "GainDrift session": Case(plain.drift(0.011, True), (0.011, 0.0), within=(0.06, 0.01)),
-    "GainDrift run, that fades": Case(plain.warming(0.04, 7.0), (0.04, 1 / 7.0), within=(0.06, 0.1)),
-    "RegimeChange run": Case(
-        plain.new_gain(9.83, -0.23), (9.83, -0.23, 0.0), within=(WITHIN,) * 3
+    "GainDrift run, that fades": Case(
+        plain.warming(0.04, 7.0), (0.04, 1 / 7.0), within=(0.06, 0.1)
     ),
+    "RegimeChange run": Case(plain.new_gain(9.83, -0.23), (9.83, -0.23, 0.0), within=(WITHIN,) * 3),
     "RegimeChange session": Case(
         plain.new_gain(28.17, -0.23, session=True), (28.17, -0.23, 0.0), within=(WITHIN,) * 3
     ),

@@ -32,7 +32,7 @@ def unasked(channels: Channels, config: Config) -> Mapping[str, Derivation]:
     if "delta_cmd" in there and not {"delta", "r"} & there:
         speed = channels.values["v" if "v" in there else "v_cmd"]
         fast = float(np.quantile(np.abs(speed), 0.95))
-        window = _window(channels, "psi", "delta_cmd", fast / vehicle.wheelbase)
+        window = _window(channels, "psi", "delta_cmd", fast / abs(vehicle.wheelbase))
         made["r"] = Derivation("yaw_rate_from_heading", window=window)
         slow = min(_SLOW, _SLOW * fast)
         if slow > 0.0:

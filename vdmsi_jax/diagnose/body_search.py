@@ -166,22 +166,22 @@ def score(fit: BodyFit) -> float:
 
 
 def _borne_out(body: Body, now: BodyFit, passed: Sequence[BodyFit]) -> BodyFit | None:
-    """Of fits with a cause more that are not worth their price, the one that takes most of the
-    error in a channel, where that is much of it and lasts on data held out: of what is constant, an
-    estimated colour takes most of the evidence."""
-    best, most = None, _MUCH
-    for f in passed:
-        if not set(now.active) < set(f.active) or f.loglik <= now.loglik:
-            continue
-        for channel, mask in body.mask.items():
-            scored, use, held = chained(body, f, now, channel)
-            parts = scored.parts(use, body.dt)
-            sure = parts.mean() > SURE * parts.std(ddof=1) / np.sqrt(parts.size)
-            worth = confirmed(scored, use, body.dt)[0]
-            took = min(_scored(body, f, now, channel, m).taken(m) for m in (mask, use))
-            if held and sure and worth > CAUSE_COST and took > most:
-                best, most = f, took
-    return best
+    """The best of fits with a cause more that are not worth its price, and yet take much of the
+    error in a channel, which lasts on data held out: of what is constant, an estimated colour takes
+    most of the evidence."""
+
+    def lasts(f: BodyFit, channel: str) -> bool:
+        scored, use, held = chained(body, f, now, channel)
+        parts = scored.parts(use, body.dt)
+        sure = parts.mean() > SURE * parts.std(ddof=1) / np.sqrt(parts.size)
+        worth = confirmed(scored, use, body.dt)[0]
+        masks = (body.mask[channel], use)
+        took = min(_scored(body, f, now, channel, mask).taken(mask) for mask in masks)
+        return held and bool(sure) and worth > CAUSE_COST and took > _MUCH
+
+    more = [f for f in passed if set(now.active) < set(f.active) and f.loglik > now.loglik]
+    fits = [f for f in more if any(lasts(f, channel) for channel in body.measured)]
+    return max(fits, key=score, default=None)
 
 
 def _extended(body: Body, now: BodyFit, timed: bool) -> tuple[BodyFit, Sequence[BodyFit]]:

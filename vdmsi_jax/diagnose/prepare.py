@@ -199,7 +199,7 @@ def steering_angle(runs: Runs) -> tuple[np.ndarray, np.ndarray] | None:
     behind = vehicle.rear_to_reference
     bicycle = Bicycle(vehicle.wheelbase - behind, behind)
     curvature = np.where(known, r / np.where(known, v, 1.0), 0.0)
-    limit = 0.99 / max(behind, 1e-6)
+    limit = 0.99 / max(abs(behind), 1e-6)
     angle = np.asarray(bicycle.steering_angle(jnp.asarray(np.clip(curvature, -limit, limit))))
     return angle, known & (np.abs(curvature) < limit)
 

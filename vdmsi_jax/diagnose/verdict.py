@@ -162,7 +162,7 @@ class Evidence:
         found, vehicle = merged(found), self.records[0].vehicle
         if vehicle is None or any("delta" in record for record in self.records):
             return found
-        per_angle = float(np.median(np.abs(self.runs.channel("v")))) / vehicle.wheelbase
+        per_angle = float(np.median(np.abs(self.runs.channel("v")))) / abs(vehicle.wheelbase)
         return [of_yaw_rate(cause, per_angle) for cause in found]
 
     def _with_twin(self, spec: PlantSpec, cause: Named) -> Named:
