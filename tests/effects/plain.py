@@ -128,6 +128,14 @@ def command_limits(upper: float, lower: float) -> Cause:
     return Cause(rows=lambda u, d: np.clip(u, lower, upper))
 
 
+def soft_limits(upper: float, lower: float, corner: float) -> Cause:
+    def bent(u, d):
+        size = np.where(u > 0.0, u / upper, u / lower)
+        return u / (1.0 + size ** (1.0 / corner)) ** corner
+
+    return Cause(rows=bent)
+
+
 def stops(upper: float, lower: float) -> Cause:
     return Cause(measured=lambda y, d: np.clip(y, lower, upper))
 

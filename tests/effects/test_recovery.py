@@ -92,6 +92,9 @@ CASES = {
     "Quantization": Case(plain.stepped(0.37), (0.37,), screened=True),
     "DeadZone": Case(plain.dead_zone(0.46), (0.46,), second_order=True),
     "Saturation command": Case(plain.command_limits(1.9, -2.3), (1 / 1.9, 1 / 2.3)),
+    "RoundSaturation corner": Case(
+        plain.soft_limits(2.6, -2.9, 0.27), (1 / 2.6, 1 / 2.9, 0.27), within=(WITHIN, WITHIN, 0.1)
+    ),
     "TransportDelay": Case(plain.delay(0.087), (0.087,), second_order=True),
     "RateLimit command": Case(plain.ramp(9.0, 7.0), (1 / 9.0, 1 / 7.0)),
     "Resonance": Case(plain.mode(2.3, 0.07, 0.33), (2.3, 0.07, 0.33)),

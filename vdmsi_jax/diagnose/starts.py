@@ -205,10 +205,11 @@ def mirrored(stage: Stage, fits: Sequence[Refit]) -> list[Hypothesis]:
     for f in fits:
         for number in f.hypothesis.active:
             slot = stage.slots[number]
-            values = f.hypothesis.theta[list(slot.index)]
+            sides = list(slot.index[:2])
+            values = f.hypothesis.theta[sides]
             if slot.cause in _TWO_SIDED and np.any(values == 0.0) and np.any(values != 0.0):
                 theta = f.hypothesis.theta.copy()
-                theta[list(slot.index)] = values.max()
+                theta[sides] = values.max()
                 made.append(replace(f.hypothesis, theta=theta))
     return made
 

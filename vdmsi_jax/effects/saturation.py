@@ -9,6 +9,7 @@ from jaxtyping import Array, Float
 from vdmsi_jax.effects.base import AbstractEffect, Scales, Signals
 from vdmsi_jax.parameters import parameter
 
+_ROUNDEST = 0.5
 _SHARES = (0.97, 0.9, 0.75, 0.55, 0.35, 0.2)  # of the range, at which limits are tried
 
 
@@ -50,3 +51,35 @@ class Saturation(AbstractEffect):
 
     def measured(self, y: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
         return self._limited(y) if self.at == "response" else y
+
+
+class RoundSaturation(AbstractEffect):
+    """Limits on the command that are approached by a round corner, as a magnetic circuit's or a
+    smooth governor's: `u / (1 + |u / limit|^(1/corner))^corner`.
+
+    Attributes:
+        at: what is limited.
+    """
+
+    cause: ClassVar[str] = "saturation"
+
+    upper: Float[Array, ""] = parameter(
+        "1/command", "inverse of the upper limit", lower=0.0, shown="inverse"
+    )
+    lower: Float[Array, ""] = parameter(
+        "1/command", "inverse of the lower limit's size", lower=0.0, shown="inverse"
+    )
+    corner: Float[Array, ""] = parameter("1", "how round it is", lower=0.0, upper=_ROUNDEST)
+    at: Literal["corner"] = eqx.field(static=True, default="corner")
+
+    def probes(self, scales: Scales) -> list[tuple[float, ...]]:
+        limits = Saturation(at="command").probes(scales)
+        return [(*limit, corner) for limit in limits[::2] for corner in (0.12, 0.35)]
+
+    def command(self, u: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
+        size = jnp.maximum(u * self.upper, -u * self.lower)
+        near = jnp.maximum(jnp.minimum(size, 1.0 / jnp.maximum(size, 1e-12)), 1e-12)
+        corner = jnp.where(self.corner > 1e-3, self.corner, 1.0)
+        rounding = jnp.exp(corner * jnp.log1p(jnp.exp(jnp.log(near) / corner)))
+        on = (self.corner > 1e-3) & (size > 1e-9)
+        return u / (jnp.maximum(1.0, size) * jnp.where(on, rounding, 1.0))
