@@ -335,3 +335,19 @@ def test_main_leaves_with_code_two_in_process_too(tmp_path, capsys):
         main(["identify", str(tmp_path / "no.csv"), "--out", str(tmp_path)])
     assert leaving.value.code == 2
     assert "no.csv" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("own", ["", "--xla_cpu_use_fusion_emitters=true"])
+def test_programs_are_compiled_the_quick_way_unless_a_user_says_how(own):
+    program = """
+import os
+import jax.numpy as jnp
+from vdmsi_jax.cli import _prepare_jax
+_prepare_jax(cache=False)
+print(os.environ["XLA_FLAGS"], jnp.ones(3).sum())
+"""
+    environment = os.environ | {"XLA_FLAGS": own}
+    ended = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, env=environment
+    )
+    assert ended.stdout.strip() == f"{own or '--xla_cpu_use_fusion_emitters=false'} 3.0"

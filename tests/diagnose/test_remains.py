@@ -5,7 +5,7 @@ import pytest
 
 from vdmsi_jax.data.record import Record
 from vdmsi_jax.diagnose.chain import bands, regress
-from vdmsi_jax.diagnose.disturbance import demands, level
+from vdmsi_jax.diagnose.disturbance import apart, demands
 from vdmsi_jax.diagnose.judge import Scored, Trial, confirmed, gain_of
 from vdmsi_jax.diagnose.prepare import lay_out
 from vdmsi_jax.diagnose.result import Gain
@@ -70,13 +70,17 @@ def test_a_slow_error_that_comes_in_events_is_the_model_s():
     assert found is not None and found.puzzling
 
 
-def test_a_slow_error_that_sets_a_run_apart_is_the_model_s():
-    raised = 0.4 + wind(0.15)
-    assert level(raised, EVERYWHERE, DT) > 0.7 > level(wind(0.3), EVERYWHERE, DT)
-    found = slow(raised)
+def test_a_slow_error_that_sets_runs_apart_is_the_model_s():
+    both = np.concatenate([EVERYWHERE, EVERYWHERE])
+    gusts = np.concatenate([wind(0.3), wind(0.3)[:, ::-1]])
+    raised = gusts + np.array([[0.3], [-0.3]])
+    assert apart(raised, both, DT) > 0.25 > apart(gusts, both, DT)
+    assert apart(gusts + 0.5, both, DT) < 0.25  # alike in all
+    assert apart(raised, both & (T < 15.0), DT) == 0.0
+    response, noise = (np.concatenate([x, x]) for x in (RESPONSE, NOISE))
+    asked = demands(response, response, both, DT)
+    found = slow_error("v", noise + raised, noise, response, asked, (both, ~both), DT)
     assert found is not None and found.puzzling and not found.steady
-    short = EVERYWHERE & (T < 15.0)
-    assert level(raised, short, DT) == 0.0
 
 
 def test_a_smaller_one_is_told_where_it_surely_goes_with_what_is_asked():

@@ -82,9 +82,9 @@ def scores(
     return float(along), float(rare)
 
 
-def level(e: Float[np.ndarray, "R N"], mask: Bool[np.ndarray, "R N"], dt: float) -> float:
-    """Share, at most, of the slow error of a run that is its mean: of a disturbance a small one,
-    since it comes and goes within a run. Zero where runs are short.
+def apart(e: Float[np.ndarray, "R N"], mask: Bool[np.ndarray, "R N"], dt: float) -> float:
+    """Share of a slow error that is the difference of its means in the runs: of a disturbance a
+    small one, since it comes and goes within a run. Zero where runs are short or there is but one.
 
     Args:
         e: the error.
@@ -93,8 +93,11 @@ def level(e: Float[np.ndarray, "R N"], mask: Bool[np.ndarray, "R N"], dt: float)
     """
     slow = moving_mean(np.where(mask, e, 0.0), SLOW, dt)
     runs = [row[use] for row, use in zip(slow, mask, strict=True) if use.sum() * dt > _LASTS]
-    shares = [abs(row.mean()) / max(float(np.sqrt(np.mean(row**2))), 1e-300) for row in runs]
-    return float(max(shares, default=0.0))
+    if not runs:
+        return 0.0
+    every = np.concatenate(runs)
+    between = sum(row.size * (row.mean() - every.mean()) ** 2 for row in runs)
+    return float(between / max(float(np.sum(every**2)), 1e-300))
 
 
 def _stretches(x: Float[np.ndarray, "... N"], length: int) -> Float[np.ndarray, "... K"]:

@@ -8,7 +8,7 @@ error it is, where it is of one that has no name in the library, `families` asks
 import numpy as np
 from jaxtyping import Bool, Float
 
-from .disturbance import level, scores
+from .disturbance import apart, scores
 from .result import Unexplained
 from .windows import SLOW, moving_mean
 
@@ -24,8 +24,8 @@ _HUGE = 0.3  # the same, from which on it is told whatever it looks like
 _SUBTLE = 0.025  # the same, from which on it is told if it surely goes with what is asked
 _GOES_ALONG, _RARE = 4.5, 4.0  # `disturbance.scores`, from which on a large one is the model's:
 _SURELY = 6.5  # disturbances of 50 blind exams had up to 4.8 and 2.5, other kinds 5 to 21
-_LEVEL = 0.7  # of a run's slow error, from which on its mean is: of clean exams' up to 0.47, of
-# logs that a change between the runs or a lasting effort sets apart 0.72 to 0.90
+_APART = 0.25  # of a slow error, from which on its means set runs apart: of clean exams up to 0.09,
+# of changes between runs and of lasting efforts 0.26 to 0.55
 SMALL = 0.012
 """An error of a kind that is sure, of a response's spread, below which it changes no verdict:
 causes outside the library, made up of a size that is worth telling, leave 0.019 and more."""
@@ -109,7 +109,7 @@ def slow_error(
         scored = scored or scores(residual, asked, known, dt)
         along, rare = scored
         large = size > least * spread
-        made = along > _GOES_ALONG or rare > _RARE or level(residual, known, dt) > _LEVEL
+        made = along > _GOES_ALONG or rare > _RARE or apart(residual, known, dt) > _APART
         if not large and along < _SURELY:
             continue
         share = min(size**2 / max(float(np.mean(residual[use] ** 2)), 1e-300), 1.0)
