@@ -7,7 +7,7 @@ from .found import Finding
 from .outcome import steadiness
 from .price import lack, score
 from .refit import Refit, refit
-from .screen import RAGGED, screen
+from .screen import RAGGED, leading, screen
 from .selection import joined, without
 from .stage import Stage
 from .starts import all_pole, backward
@@ -18,6 +18,7 @@ _CLOSE, _FORM, _FAR = 15.0, 0.1, 50.0  # lack, the same as a share of the gain, 
 _LOOPS = {"backlash", "coulomb_friction"}
 _LOOP = 0.25  # share of the gain, up to which blocks are asked which of them it is
 _LOOP_APART = 1.5  # standard errors that do: of ten answers wrong ones had up to 1.2
+_TRIED = 5  # causes of a screen that are tried in the place of one
 _RIVALS = 8  # that are told
 
 
@@ -35,7 +36,8 @@ def findings_of(
         screened = screen(stage, less, fine=stage.slots[number].cause in RAGGED)
         probes = [joined(less.hypothesis, c) for c in screened if c.number == number]
         promised = next(iter(refit(stage, probes, rounds=1)), None)
-        others = [c for c in screened if c.number != number and c.gain > 0.2 * gain][:6]
+        able = (c for c in screened if c.number != number and c.gain > 0.2 * gain)
+        others = leading(stage, able, _TRIED)
         fits = refit(stage, [joined(less.hypothesis, c) for c in others])
         kept, own = set(less.hypothesis.active), stage.slots[number]
         fits += [

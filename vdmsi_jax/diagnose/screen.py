@@ -5,6 +5,7 @@ what the hypothesis itself could absorb is projected out, and the colour of the 
 anew for each. The answer ranks candidates; only refits decide.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -87,6 +88,21 @@ def screen(stage: Stage, at: Refit, fine: bool = True) -> list[Candidate]:
     if loudest is not None and loudest is not best[loudest.number]:
         found.append(loudest)
     return sorted(found, key=lambda c: -c.gain)
+
+
+def leading(stage: Stage, candidates: Iterable[Candidate], causes: int) -> list[Candidate]:
+    """The first candidates, until so many causes are among them: a cause of many forms must not
+    crowd out others, nor take more than half as many places again."""
+    picked, names = [], set()
+    for candidate in candidates:
+        name = stage.slots[candidate.number].cause
+        if name in names and len(picked) - len(names) >= causes // 2:
+            continue
+        if name not in names and len(names) == causes:
+            break
+        picked.append(candidate)
+        names.add(name)
+    return picked
 
 
 def _leads(h: Hypothesis) -> tuple[tuple[float, float], ...]:

@@ -9,7 +9,7 @@ from .baseline import best_of_each, closest, grown, key_of, order_of
 from .outcome import steadiness
 from .price import price, score
 from .refit import Hypothesis, Refit, refit
-from .screen import Candidate, screen
+from .screen import Candidate, leading, screen
 from .stage import FIRST_CAUSE, LEADS, POLES, Stage
 from .starts import (
     backward,
@@ -23,7 +23,7 @@ from .starts import (
     waiting,
 )
 
-_REFITTED = 10  # candidates of a screen that are refitted
+_REFITTED = 7  # causes of a screen that are refitted
 _SMALLER = 2  # smaller plants that are screened
 _FROM_SMALLER = 4  # candidates of the screens of smaller plants that are refitted
 _SMALL = ((1, 0), (2, 0), (2, 1), (3, 0), (3, 1))
@@ -54,7 +54,7 @@ def climbed(
     while len(now.hypothesis.active) < _MOST_CAUSES:
         candidates = screen(stage, now)
         screened = screened or candidates
-        promising = [c for c in candidates if c.gain > 4.0][:_REFITTED]
+        promising = leading(stage, (c for c in candidates if c.gain > 4.0), _REFITTED)
         starts = [joined(now.hypothesis, c) for c in promising]
         patient: list[Hypothesis] = []
         if now is plain:
