@@ -140,6 +140,17 @@ def stops(upper: float, lower: float) -> Cause:
     return Cause(measured=lambda y, d: np.clip(y, lower, upper))
 
 
+def rim(upper: float, lower: float, tau: float) -> Cause:
+    """Stops that the response itself runs against."""
+
+    def force(u, y, speed, still):
+        step = -math.expm1(-MS / tau)
+        then = y + step * (u - y)
+        return (then - min(max(then, lower), upper)) / step
+
+    return Cause(force=force)
+
+
 def motor_limit(rising: float, falling: float, tau: float) -> Cause:
     def force(u, y, speed, still):
         return (speed - min(max(speed, -falling), rising)) * tau

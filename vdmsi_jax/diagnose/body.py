@@ -26,10 +26,12 @@ from .noise import PER_LAG, Pair, differences, shared
 WINDOW = 0.5
 """Length of a pose increment, s."""
 
-NUISANCE = {"lag": (0.0, 0.02), "ahead": (-0.3, 0.3), "slip": (-0.03, 0.03)}
-"""What every vehicle has a little of, and that is no finding, with its bounds: a yaw lag, s (real
-ones have 6 to 18 ms); how far the point whose pose is told is ahead of where it is said to be, in
-wheelbases; and side slip of the rear by lateral acceleration, rad s^2/m."""
+LAGS = ("lag", "turning")
+NUISANCE = dict.fromkeys(LAGS, (0.0, 0.02)) | {"ahead": (-0.3, 0.3), "slip": (-0.03, 0.03)}
+"""What every vehicle has a little of, and that is no finding, with its bounds: lags of the yaw rate
+and of the curvature, s (of tyres and body, 6 to 18 ms in real ones: only the latter leaves what the
+speed does to the yaw rate); how far the point whose pose is told is ahead of where it is said to
+be, in wheelbases; and side slip of the rear by lateral acceleration, rad s^2/m."""
 
 CHANNELS = ("r", "psi", "forward", "aside")
 _LANES = 8  # of a compiled program
@@ -155,7 +157,7 @@ class Body:
     @property
     def nuisance(self) -> tuple[int, ...]:
         """The nuisance parameters that the channels at hand could show."""
-        return tuple(range(len(NUISANCE))) if "aside" in self.measured else (0,)
+        return tuple(range(len(NUISANCE if "aside" in self.measured else LAGS)))
 
     @cached_property
     def chain(self) -> Chain:
@@ -249,7 +251,7 @@ def travel(
 
 
 def _motion(registered, vector, v, delta, bicycle, dt, by_yaw_rate):
-    yaw_lag, ahead, slip = vector[: len(NUISANCE)]
+    yaw_lag, turning, ahead, slip = vector[: len(NUISANCE)]
     at, effects = len(NUISANCE), []
     for effect in registered:
         for name in parameters(effect):
@@ -270,6 +272,7 @@ def _motion(registered, vector, v, delta, bicycle, dt, by_yaw_rate):
         beta, kappa = effect.course(beta), effect.curvature(kappa, v)
     for effect in effects:
         kappa = effect.relaxed(kappa, v, dt)
+    kappa = _lagged(kappa, turning, dt)
     r = _lagged(v * kappa, yaw_lag, dt)
 
     def run(values):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from .body import CAUSES, NUISANCE, Body
+from .body import CAUSES, LAGS, NUISANCE, Body
 from .chain import regress
 from .colour import least_squares, whiten
 from .windows import BLOCK, block_sums, widening
@@ -52,7 +52,7 @@ def fit_body(
     starts = []
     for active in actives:
         theta = np.zeros(low.size)
-        theta[0] = 0.5 * high[0]
+        theta[: len(LAGS)] = 0.25 * high[: len(LAGS)]
         if start is not None:
             kept = [
                 *body.nuisance,

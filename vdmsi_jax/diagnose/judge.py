@@ -16,6 +16,7 @@ _STEADY, _VERY_STEADY = 2.0, 3.0  # standard errors by blocks
 _MUCH, _MOST, _NEARLY_ALL = 0.25, 0.5, 0.85  # share of the squared error
 _USUAL = 0.7  # share of the blocks that get better
 _FAST = 0.5  # share of a change in what is not slow
+_FAINT = 0.25  # of what it does where it was fitted, below which data held out hardly show a cause
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +50,14 @@ class Scored:
         )
         return 1.0 - after / before
 
+    def faint(
+        self, fitted: Bool[np.ndarray, "R N"], held_out: Bool[np.ndarray, "R N"]
+    ) -> bool:
+        """Whether the cause takes most of the error where it was fitted, and the data held out
+        hardly show it: it does little there."""
+        there, here = (np.mean((self.after - self.before)[u] ** 2) for u in (fitted, held_out))
+        return bool(here < _FAINT * there) and self.taken(fitted) > _MOST
+
     def fast(self, use: Bool[np.ndarray, "R N"], dt: float) -> float:
         """Share of what the cause changes that is faster than a slow error."""
         change = np.where(use, self.after - self.before, 0.0)
@@ -65,7 +74,7 @@ class Trial:
         predicted: the same as the screen had promised it; None where it had not.
         worth: twice the log-likelihood over all channels.
         steady: that in its standard errors by blocks; a wrong form gains here and loses there.
-        fast: see `Scored.fast`.
+        fast, faint: see `Scored`.
     """
 
     gain: Gain
@@ -73,19 +82,21 @@ class Trial:
     worth: float
     steady: float
     fast: float
+    faint: bool = False
 
     def believed(self, share: float, puzzling: bool, disturbed: bool = False) -> bool:
         """Whether a cause that takes this share of the squared error is named: where much is left
         that nothing explains, which is slow, a name must take nearly all, or take much or something
         of most blocks and hold from block to block, or take most by what it does fast. Where a
-        disturbance is left, it must take most, or hold from block to block."""
+        disturbance is left, it must take most, or hold from block to block. Data that hardly show
+        it may not tell it from block to block."""
         plain = (self.gain.after - self.gain.before) / max(self.gain.se, 1e-300)
         if puzzling:
             sharp = self.fast > _FAST and share > _MOST and plain > _VERY_STEADY
             lasting = self.steady > _VERY_STEADY and (share > _MUCH or self.gain.typical > 0.0)
             return sharp or share > _NEARLY_ALL or lasting
         much = _MOST if disturbed else _MUCH
-        return share > much or max(self.steady, plain) > _STEADY
+        return share > much or max(self.steady, plain) > _STEADY or (self.faint and not disturbed)
 
 
 def fit_percent(y: np.ndarray, error: np.ndarray) -> float:

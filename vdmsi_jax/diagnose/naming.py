@@ -24,6 +24,7 @@ _FORMS = {
     ("at", "command"): "of the command",
     ("at", "response"): "of the response",
     ("at", "corner"): "of the command, with a round corner",
+    ("at", "stop"): "of the response, by an end stop",
     ("at", "load"): "of the response, which a load pulls back",
     ("by", "sign"): "alike to both sides",
     ("by", "skew"): "to one side",

@@ -35,8 +35,9 @@ def search(stage: Stage) -> Search:
     grid = baselines(stage)
     plain = max(grid.values(), key=lambda f: score(stage, f))
     now, screened, seen = climbed(stage, plain, grid)
-    now, findings = _swapped(stage, now, seen, set())
+    now, findings = _swapped(stage, now, seen, set(), set())
     failed: list[Failed] = []
+    borne: set[int] = set()  # causes that data held out bear out, whatever they cost
     while True:
         found = _whole(whole, stage, plain, grid, now, findings)
         worth = [_confirmed(found, f) for f in found.findings]
@@ -45,26 +46,27 @@ def search(stage: Stage) -> Search:
         numbers = {f.finding.number for f in failed}
         against = Scored("", whole.y, found.plain.y, found.final.y, found.final.colour)
         if not worth or (min(worth) > 0.0 and not _worse(against, whole)):
-            more = _borne_out(found, seen, numbers)
+            more = _borne_out(found, seen, numbers | borne)
             if more is None:
                 told = _foretold(whole, found.findings)
                 return replace(found, findings=told, screened=tuple(screened), failed=tuple(failed))
+            borne |= set(more.hypothesis.active) - set(now.hypothesis.active)
             now = more
         else:
             worst = _first_out(found.findings, worth)
             failed.append(Failed(found.findings[worst], found.final))
             numbers.add(findings[worst].number)
             now = _instead(stage, findings[worst].less, seen, numbers)
-        now, findings = _swapped(stage, now, seen, numbers)
+        now, findings = _swapped(stage, now, seen, numbers, borne)
 
 
 def _swapped(
-    stage: Stage, now: Refit, seen: dict[tuple, Refit], failed: set[int]
+    stage: Stage, now: Refit, seen: dict[tuple, Refit], failed: set[int], borne: set[int]
 ) -> tuple[Refit, tuple[Finding, ...]]:
-    """A model without needless causes, and with others in their place where those explain more and
-    have not failed; and what its causes are worth."""
+    """A model without needless causes, unless they are borne out, and with others in their place
+    where those explain more and have not failed; and what its causes are worth."""
     for _ in range(SWAPS):
-        now = eliminate(stage, now, seen)
+        now = eliminate(stage, now, seen, borne)
         findings, other = findings_of(stage, now, seen)
         if other is None or failed & set(other.hypothesis.active):
             return now, findings
@@ -154,10 +156,10 @@ def _instead(stage: Stage, less: Refit, seen: Mapping[tuple, Refit], failed: set
     return max([less, *fits], key=lambda f: score(stage, f))
 
 
-def _borne_out(found: Search, seen: Mapping[tuple, Refit], failed: set[int]) -> Refit | None:
+def _borne_out(found: Search, seen: Mapping[tuple, Refit], known: set[int]) -> Refit | None:
     """The final model with a cause more that is not worth its price where it was fitted, and yet
     takes much of the error, there and on data held out: of what is slow, an estimated colour takes
-    most of the evidence. Hills, which are slow, are always among them."""
+    most of the evidence. Hills, which are slow, are always among them. None of those known."""
     stage, final = found.stage, found.final
     if stage.held_out.sum() <= 50:
         return None
@@ -171,7 +173,7 @@ def _borne_out(found: Search, seen: Mapping[tuple, Refit], failed: set[int]) -> 
         f
         for f in [*seen.values(), *refit(stage.fitting, more)]
         if had < set(f.hypothesis.active) and len(f.hypothesis.active) == len(had) + 1
-        if not failed & set(f.hypothesis.active)
+        if not known & (set(f.hypothesis.active) - had)
         if f.loglik > final.loglik and f.error(stage.fitting) < (1.0 - _MUCH) * seen_error
     ]
     best, most = None, _MUCH

@@ -1,6 +1,6 @@
 """Forward selection of causes, and the elimination of those that others have made needless."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -144,12 +144,14 @@ def _afresh(stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]) -
     return best_of_each([*fits, *refit(stage, mirrored(stage, fits))])
 
 
-def eliminate(stage: Stage, now: Refit, seen: dict[tuple, Refit]) -> Refit:
-    """Take causes out again that others have made needless, or a plant of another order: what was
-    seen without one is refitted from where it stood. A pole is believed rather than a delay, and a
-    resonance rather than the poles that could stand for it."""
-    while now.hypothesis.active:
-        starts = [without(stage, now.hypothesis, number) for number in now.hypothesis.active]
+def eliminate(
+    stage: Stage, now: Refit, seen: dict[tuple, Refit], borne: Collection[int] = ()
+) -> Refit:
+    """Take causes out again that others have made needless, or a plant of another order, but none
+    of those borne out: what was seen without one is refitted from where it stood. A pole is
+    believed rather than a delay, and a resonance rather than the poles that could stand for it."""
+    while out := [number for number in now.hypothesis.active if number not in borne]:
+        starts = [without(stage, now.hypothesis, number) for number in out]
         known = []
         for kept in (set(h.active) for h in starts):
             own = [f for f in seen.values() if set(f.hypothesis.active) == kept]

@@ -233,15 +233,16 @@ class Stage:
 
 @dataclass(frozen=True, eq=False)
 class _Group:
-    """Runs that share a call of the program, which takes pairs of a vector and a run: so it is the
-    same for any number of runs.
+    """Runs that share a call of the program, which takes pairs of a vector and a run, and lengths
+    of a ladder: so it is the same for any number of runs, and for most logs of a length.
 
     Attributes:
         runs: their numbers.
         tree, leaves: effects and signals of the pairs, flat, since to take modules apart at each
             call would cost more than a small simulation.
-        u, level: of the pairs.
+        u, level: of the pairs, with rows after the last up to the ladder's length.
         h: length of a step, s.
+        n: rows of the runs.
     """
 
     runs: Int[np.ndarray, " G"]
@@ -250,6 +251,7 @@ class _Group:
     u: Float[Array, "pairs N"]
     level: Float[Array, " pairs"]
     h: Float[Array, ""]
+    n: int
 
     @staticmethod
     def all_of(stage: Stage, unravel: "Unravel", signals: Signals) -> "tuple[_Group, ...]":
@@ -264,10 +266,10 @@ class _Group:
     ) -> "_Group":
         """Some of them."""
         pairs = _padded(np.tile(runs, _PAIRS // len(runs)))
-        rows = {name: jnp.asarray(getattr(signals, name)[pairs]) for name in PER_RUN}
+        rows = {name: _longer(np.asarray(getattr(signals, name))[pairs]) for name in PER_RUN}
         leaves, tree = jax.tree.flatten((unravel, replace(signals, **rows)))
-        u, level = jnp.asarray(stage.u[pairs]), jnp.asarray(stage.level[pairs])
-        return _Group(runs, tree, leaves, u, level, signals.h)
+        u, level = _longer(stage.u[pairs]), jnp.asarray(stage.level[pairs])
+        return _Group(runs, tree, leaves, u, level, signals.h, stage.u.shape[1])
 
     @property
     def lanes(self) -> int:
@@ -283,7 +285,15 @@ class _Group:
             lambda leaf: _padded(np.repeat(leaf, many, axis=0)), (plants, theta)
         )
         y = _simulate(self.tree, self.leaves, plants, vectors, on, self.u, self.level)
-        return np.asarray(y)[: len(theta) * many].reshape(len(theta), many, -1)
+        return np.asarray(y)[: len(theta) * many, : self.n].reshape(len(theta), many, self.n)
+
+
+def _longer(rows: Float[np.ndarray, "pairs N"]) -> Float[Array, "pairs M"]:
+    """Rows that go on by their last value up to a length of the ladder, of eight an octave; a
+    single column stays one."""
+    n = rows.shape[1]
+    rung = 1 << max(n.bit_length() - 4, 0)
+    return jnp.asarray(np.pad(rows, ((0, 0), (0, -n % rung if n > 1 else 0)), mode="edge"))
 
 
 def _padded(rows: np.ndarray) -> np.ndarray:

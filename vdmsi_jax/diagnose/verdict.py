@@ -195,7 +195,7 @@ class Evidence:
 
     def _trial(self, cause: Named) -> Trial:
         """What a cause is worth on data held out, in the channel that it is worth most in."""
-        tried, sure = [], []
+        tried, sure, faint = [], [], False
         if cause.search is not None and cause.finding is not None:
             stage, final = cause.search.stage, cause.search.final
             name = next(s.output for s, f in self.searches.items() if f is cause.search)
@@ -204,6 +204,7 @@ class Evidence:
             held = bool(stage.held_out.sum() > 50)
             use = stage.held_out if held else stage.mask
             sure.append(confirmed(scored, use, self.runs.dt))
+            faint = held and scored.faint(stage.mask, use)
             step = None if promised is None else replace(scored, after=promised.y)
             tried.append((scored, use, held, step))
         if cause.body is not None and self.bodily is not None:
@@ -224,7 +225,7 @@ class Evidence:
         predicted = None if step is None else gain_of(step, use, held, self.runs.dt)
         steady = worth / max(math.sqrt(variance), 1e-300)
         fast = scored.fast(use, self.runs.dt)
-        return Trial(gain, predicted, worth if held else cause.statistic, steady, fast)
+        return Trial(gain, predicted, worth if held else cause.statistic, steady, fast, faint)
 
     def _finding(self, cause: Named, trial: Trial, road: Road | None) -> Finding:
         gain = trial.gain

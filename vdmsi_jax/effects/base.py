@@ -71,6 +71,7 @@ class Effort(eqx.Module):
         slowness: seconds of command that a unit of acceleration is worth: the sum of the plant's
             time constants over its gain; where an integrator makes up for it, by the response to it
             before it does.
+        h: length of the sub-step, s.
     """
 
     u: Float[Array, ""]
@@ -79,6 +80,7 @@ class Effort(eqx.Module):
     gain: Float[Array, ""]
     stuck: Float[Array, ""]
     slowness: Float[Array, ""]
+    h: Float[Array, ""]
 
 
 class Scales(eqx.Module):

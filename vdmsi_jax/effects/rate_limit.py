@@ -30,10 +30,11 @@ class RateLimit(AbstractEffect):
     at: Literal["response", "command"] = eqx.field(static=True, default="response")
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
-        rate = scales.rate
+        rate, shares = scales.rate, (1.5, 0.9, 0.6, 0.35)
         if self.at == "command":  # the command of a hull is the angle of its rudder
             rate *= scales.command / max(scales.response, 1e-12)
-        slow = [1.0 / (k * max(rate, 1e-12)) for k in (1.5, 0.9, 0.6, 0.35)]
+            shares += (4.0, 12.0)  # steps are ramped faster than what follows them moves
+        slow = [1.0 / (k * max(rate, 1e-12)) for k in shares]
         return [(k, k) for k in slow] + [(slow[1], 0.0), (0.0, slow[1])]
 
     def effort(self, at: Effort) -> Float[Array, ""]:

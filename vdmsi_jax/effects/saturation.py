@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from vdmsi_jax.effects.base import AbstractEffect, Scales, Signals
+from vdmsi_jax.effects.base import AbstractEffect, Effort, Scales, Signals
 from vdmsi_jax.parameters import parameter
 
 _ROUNDEST = 0.5
@@ -83,3 +83,39 @@ class RoundSaturation(AbstractEffect):
         rounding = jnp.exp(corner * jnp.log1p(jnp.exp(jnp.log(near) / corner)))
         on = (self.corner > 1e-3) & (size > 1e-9)
         return u / (jnp.maximum(1.0, size) * jnp.where(on, rounding, 1.0))
+
+
+class EndStop(AbstractEffect):
+    """Stops that hold the moving part itself, as a rack's or a tank's rim: it leaves them as soon as
+    it is driven back, where a response that is merely cut comes back late.
+
+    The force is that which lets the response come no further than the stop within the sub-step:
+    an inelastic contact by time stepping.
+
+    Attributes:
+        at: what is limited.
+
+    Source: Moreau, Unilateral contact and dry friction (1988); Acary and Brogliato (2008), ch. 5.
+    """
+
+    cause: ClassVar[str] = "saturation"
+
+    upper: Float[Array, ""] = parameter(
+        "1/response", "inverse of the upper limit", lower=0.0, shown="inverse"
+    )
+    lower: Float[Array, ""] = parameter(
+        "1/response", "inverse of the lower limit's size", lower=0.0, shown="inverse"
+    )
+    at: Literal["stop"] = eqx.field(static=True, default="stop")
+
+    def probes(self, scales: Scales) -> list[tuple[float, ...]]:
+        return Saturation(at="response").probes(scales)[::2]
+
+    def effort(self, at: Effort) -> Float[Array, ""]:
+        then = at.y + at.h * at.rate
+
+        def beyond(limit: Array, y: Array) -> Array:
+            over = limit * y - 1.0
+            return jnp.where(over > 0.0, over / jnp.where(over > 0.0, limit, 1.0), 0.0)
+
+        return (beyond(self.upper, then) - beyond(self.lower, -then)) / (at.h * at.gain)
