@@ -213,6 +213,16 @@ def stepped(step: float) -> Cause:
     return Cause(rows=lambda u, d: step * np.floor(u / step + 0.5))
 
 
+def counted(step: float) -> Cause:
+    """By a counter that drops what is left over."""
+    return Cause(rows=lambda u, d: u - np.mod(u, step))
+
+
+def cast(step: float) -> Cause:
+    """By an integer that drops the fraction."""
+    return Cause(rows=lambda u, d: np.sign(u) * (np.abs(u) - np.mod(np.abs(u), step)))
+
+
 def added(bias: float) -> Cause:
     return Cause(measured=lambda y, d: y + bias)
 

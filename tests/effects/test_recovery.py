@@ -89,7 +89,9 @@ CASES = {
     "RegimeChange run, that slows": Case(
         plain.new_gain(9.83, -0.23, 0.12), (9.83, -0.23, 0.12), within=(WITHIN, WITHIN, 0.1)
     ),
-    "Quantization": Case(plain.stepped(0.37), (0.37,), screened=True),
+    "Quantization nearest": Case(plain.stepped(0.37), (0.37,), screened=True),
+    "Quantization floor": Case(plain.counted(0.37), (0.37,), screened=True),
+    "Quantization truncation": Case(plain.cast(0.37), (0.37,), screened=True),
     "DeadZone": Case(plain.dead_zone(0.46), (0.46,), second_order=True),
     "Saturation command": Case(plain.command_limits(1.9, -2.3), (1 / 1.9, 1 / 2.3)),
     "RoundSaturation corner": Case(

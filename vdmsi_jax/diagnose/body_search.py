@@ -215,7 +215,7 @@ def _timed(body: Body, now: BodyFit) -> list[tuple[tuple[int, ...], np.ndarray]]
     where that is better than without."""
     starts = []
     for k in body.allowed:
-        if k in now.active or CAUSES[k].names[0] not in _TIMES:
+        if not _may_join(k, now) or CAUSES[k].names[0] not in _TIMES:
             continue
         thetas = np.repeat(now.theta[None], len(_LATE), axis=0)
         thetas[:, body.index[k][0]] = np.array(_LATE) / _seconds(body, k)
@@ -236,6 +236,18 @@ def _eliminated(body: Body, now: BodyFit) -> BodyFit:
     return now
 
 
+def _may_join(number: int, at: BodyFit) -> bool:
+    """Whether a cause is not on, nor the other form of one that is: a sensor is late by a lag or by
+    a delay."""
+    late = ("sensor_lag", "sensor_delay")
+
+    def which(k: int) -> tuple[str, str | None]:
+        cause = CAUSES[k]
+        return ("late" if cause.cause in late else f"{cause.cause} {cause.where}", cause.channel)
+
+    return which(number) not in {which(k) for k in at.active}
+
+
 def screen_body(body: Body, at: BodyFit) -> list[tuple[float, int, np.ndarray]]:
     """Predicted gain of every cause that is not on, with the parameters to start a refit from, the
     best first: one step from the fit, the colours estimated anew."""
@@ -243,7 +255,7 @@ def screen_body(body: Body, at: BodyFit) -> list[tuple[float, int, np.ndarray]]:
     low, high = bounds(body)
     inner = [i for i in body.nuisance if low[i] < lane.theta[i] < high[i]]
     kept = [*inner, *(i for i in lane.free if i not in body.nuisance)]
-    causes = [k for k in body.allowed if k not in at.active]
+    causes = [k for k in body.allowed if _may_join(k, at)]
     free = [*kept, *(i for k in causes for i in body.index[k])]
     columns = dict(zip(free, slopes(body, [lane], [free])[0], strict=True))
     found = []

@@ -30,6 +30,8 @@ _FORMS = {
     ("by", "skew"): "to one side",
     ("by", "command"): "by the sign of the command",
     ("by", "effort"): "by the sign of the effort",
+    ("by", "floor"): "rounding down",
+    ("by", "truncation"): "rounding toward zero",
     ("over", "session"): "over the session",
     ("against", "rate"): "against the motion of the response",
     ("against", "response"): "against the speed itself",

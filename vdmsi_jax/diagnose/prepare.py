@@ -229,7 +229,7 @@ def stage_of(runs: Runs, spec: PlantSpec, reference: KnownNoise | None = None) -
     is_vehicle = runs.records[0].vehicle is not None and name != "plant"
     foreign = _FOREIGN.get(name, set()) | (set() if is_vehicle else _VEHICLES_ONLY)
     if u.min() >= 0.0 or u.max() <= 0.0:  # there both forms are one
-        foreign = foreign | {"gain_nonlinearity by skew"}
+        foreign = foreign | {"gain_nonlinearity by skew", "quantization by truncation"}
     begun = np.array([[r.session] for r in runs.records])
     if np.ptp(begun) == 0.0:  # there is none, or it is the run
         foreign = foreign | _SESSION

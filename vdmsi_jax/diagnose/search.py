@@ -20,7 +20,8 @@ from .starts import hilly
 SWAPS = 3
 SWAPPED = 2.0  # by which another cause must be better to take a place
 _MUCH, SURE = 0.4, 2.5  # share of the error, and standard errors, that data held out bear out
-_SLOW = 4.0  # squared error over innovations, from which on a part of it is slow
+_SLOW = 2.5  # squared error over innovations, from which on a part of it is slow
+_CLOSE, _LASTS = 5.0, 0.2  # of the score, that a cause may lack; share that it must take elsewhere
 _WORSENED = 0.2  # of the squared error on data held out, by which a cause may usually raise it
 _MADE_UP = 0.05  # of it, that it must take on the whole if it does
 FREE = 6.0
@@ -159,7 +160,8 @@ def _instead(stage: Stage, less: Refit, seen: Mapping[tuple, Refit], failed: set
 def _borne_out(found: Search, seen: Mapping[tuple, Refit], known: set[int]) -> Refit | None:
     """The final model with a cause more that is not worth its price where it was fitted, and yet
     takes much of the error, there and on data held out: of what is slow, an estimated colour takes
-    most of the evidence. Hills, which are slow, are always among them. None of those known."""
+    most of the evidence. Hills, which are slow, are always among them. Or one that is nearly as
+    good where it was fitted, and usually better elsewhere. None of those known."""
     stage, final = found.stage, found.final
     if stage.held_out.sum() <= 50:
         return None
@@ -174,14 +176,21 @@ def _borne_out(found: Search, seen: Mapping[tuple, Refit], known: set[int]) -> R
         for f in [*seen.values(), *refit(stage.fitting, more)]
         if had < set(f.hypothesis.active) and len(f.hypothesis.active) == len(had) + 1
         if not known & (set(f.hypothesis.active) - had)
-        if f.loglik > final.loglik and f.error(stage.fitting) < (1.0 - _MUCH) * seen_error
+        if f.loglik > final.loglik
     ]
-    best, most = None, _MUCH
-    for f, whole in zip(fits, completed(stage, fits) if fits else [], strict=True):
+    takes = [1.0 - f.error(stage.fitting) / seen_error for f in fits]
+    close = [score(stage, f) > score(stage, final) - _CLOSE for f in fits]
+    picked = [k for k in range(len(fits)) if takes[k] > _MUCH or close[k]]
+    fits, takes = [fits[k] for k in picked], [takes[k] for k in picked]
+    best, most = None, 0.0
+    for f, take, whole in zip(fits, takes, completed(stage, fits) if fits else [], strict=True):
         scored = Scored("", stage.y, final.y, whole.y, whole.colour)
         gain = gain_of(scored, stage.held_out, True, stage.dt)
         worth = confirmed(scored, stage.held_out, stage.dt)[0]
+        taken = scored.taken(stage.held_out)
         sure = gain.after - gain.before > SURE * gain.se
-        if sure and worth > CAUSE_COST and scored.taken(stage.held_out) > most:
-            best, most = f, scored.taken(stage.held_out)
+        slow = take > _MUCH and taken > _MUCH and worth > CAUSE_COST
+        as_good = take <= _MUCH and taken > _LASTS and gain.typical > 0.0 and worth > 0.0
+        if sure and (slow or as_good) and taken > most:
+            best, most = f, taken
     return best
