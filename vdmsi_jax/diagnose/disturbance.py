@@ -19,6 +19,7 @@ _STRETCH = 0.5  # s, over which energy is summed
 _PASTS = (0.3, 1.0, 3.0)  # s, of what is asked, that an error may remember
 _FLOOR = 1e-3  # of the mean energy, below which a stretch is as good as quiet
 _LASTS = 20.0  # s, of a run that has a mean
+_STANDS = 0.1  # of the usual speed, below which a vehicle stands
 _FEW = 20  # stretches, below which nothing can be told
 
 
@@ -32,6 +33,12 @@ def demands(
     their rates."""
     rates = [np.abs(np.gradient(x, dt, axis=1)) for x in (u, y)]
     return np.stack([*rates, np.abs(u - u[mask].mean()), np.abs(y)])
+
+
+def moving(v: Float[np.ndarray, "R N"], mask: Bool[np.ndarray, "R N"]) -> Bool[np.ndarray, "R N"]:
+    """Where a vehicle moves; everywhere if no speed is known."""
+    usual = float(np.quantile(np.abs(v[mask]), 0.95)) if mask.any() else 0.0
+    return np.abs(v) >= _STANDS * usual
 
 
 def scores(

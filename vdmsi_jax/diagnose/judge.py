@@ -50,9 +50,7 @@ class Scored:
         )
         return 1.0 - after / before
 
-    def faint(
-        self, fitted: Bool[np.ndarray, "R N"], held_out: Bool[np.ndarray, "R N"]
-    ) -> bool:
+    def faint(self, fitted: Bool[np.ndarray, "R N"], held_out: Bool[np.ndarray, "R N"]) -> bool:
         """Whether the cause takes most of the error where it was fitted, and the data held out
         hardly show it: it does little there."""
         there, here = (np.mean((self.after - self.before)[u] ** 2) for u in (fitted, held_out))

@@ -9,7 +9,7 @@ from .body import CAUSES, Body
 from .body_fit import BodyFit, residual
 from .body_search import BodyFinding, BodySearch
 from .colour import whiten
-from .disturbance import demands
+from .disturbance import demands, moving
 from .families import Explained, Family, better_than, explained, of_body, of_plant, weighed
 from .found import Failed, Finding, Search
 from .judge import Scored
@@ -112,8 +112,9 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     found += _of_the_way(spec.output, final.y, e, white, stage)
     found += structure(spec.output, e * evenly, white, *masks, runs.names, stage.dt)
     needs = demands(stage.u, final.y, stage.mask | stage.held_out, stage.dt)
+    moves = moving(np.asarray(stage.signals.v), stage.mask | stage.held_out)
     known = stage.noise.slow
-    slow = slow_error(spec.output, e, white, stage.y, needs, masks, stage.dt, known)
+    slow = slow_error(spec.output, e, white, stage.y, needs, masks, stage.dt, known, moves)
     if slow is not None:
         found.append(slow)
     for failed in own.failed:
@@ -217,7 +218,8 @@ def _of_body(runs: Runs, found: BodySearch) -> list[Unexplained]:
     left = _of_a_kind("r", kind, causes, e, body.measured["r"], masks[0])
     left += structure("r", e, white, *masks, runs.names, body.dt)
     response = body.measured["r"]
-    slow = slow_error("r", e, white, response, np.empty((0, *e.shape)), masks, body.dt)
+    nothing, moves = np.empty((0, *e.shape)), moving(body.v, masks[0] | masks[1])
+    slow = slow_error("r", e, white, response, nothing, masks, body.dt, moving=moves)
     if slow is not None:
         left.append(slow)
     for failed in found.failed:

@@ -20,6 +20,8 @@ LARGE = 0.05
 """Slow error, of a response's spread, that is told where it was fitted."""
 LARGE_HELD_OUT = 0.08
 """The same where it was not fitted."""
+BURSTS = "energy of short windows"
+"""The test that drop-outs and knocks fail."""
 _HUGE = 0.3  # the same, from which on it is told whatever it looks like
 _SUBTLE = 0.025  # the same, from which on it is told if it surely goes with what is asked
 _GOES_ALONG, _RARE = 4.5, 4.0  # `disturbance.scores`, from which on a large one is the model's:
@@ -61,7 +63,7 @@ def structure(
     bursts = bursts or _bursts(residual, residual, known, runs, dt, *_BROAD)
     if bursts is not None:
         share, when = bursts
-        found.append(Unexplained(channel, share, ("t",), when, "energy of short windows"))
+        found.append(Unexplained(channel, share, ("t",), when, BURSTS))
     worse = _worse(innovations, mask, held_out, dt)
     if worse is not None:
         found.append(
@@ -79,6 +81,7 @@ def slow_error(
     masks: tuple[Bool[np.ndarray, "R N"], Bool[np.ndarray, "R N"]],
     dt: float,
     noise: float = 0.0,
+    moving: Bool[np.ndarray, "R N"] | bool = True,
 ) -> Unexplained | None:
     """A slow error that is large beside the response: noise with a colour can imitate anything that
     is slow, so no innovation shows it, and its size is what tells it. One that neither goes with
@@ -94,6 +97,8 @@ def slow_error(
         masks: samples that were fitted, and those that were not.
         dt: sample period, s.
         noise: standard deviation of what is slow and known to be noise.
+        moving: where a vehicle moves: while it stands, wind and rough ground do nothing, and they
+            would seem to go with what is asked.
     """
     known = masks[0] | masks[1]
     scored = None
@@ -106,7 +111,7 @@ def slow_error(
         spread = extent(response[use])
         if size < _SUBTLE * spread or size < max(_BESIDE * fast, noise):
             continue
-        scored = scored or scores(residual, asked, known, dt)
+        scored = scored or scores(residual, asked, known & moving, dt)
         along, rare = scored
         large = size > least * spread
         made = along > _GOES_ALONG or rare > _RARE or apart(residual, known, dt) > _APART

@@ -25,7 +25,7 @@ from .result import ChannelScore, Diagnosis, Estimate, Finding, Gain, Rival, Une
 from .road import Road
 from .screen import screen
 from .selection import joined
-from .unexplained import SMALL
+from .unexplained import BURSTS, SMALL
 from .weighing import MINOR, Weighing, overshadowed
 from .words import sentence, summary
 
@@ -60,6 +60,7 @@ class Evidence:
         disturbances = [u for u in left if u.steady]
         left = [u for u in left if not u.steady]
         puzzles = _largest(u for u in left if u.puzzling)
+        dropping = {u.channel for u in left if u.test == BURSTS and u.fraction > _MOSTLY}
         disturbed = _largest(disturbances)
         plain, extended = (channel_scores(*models[1:], extended=e) for e in (False, True))
         weighing = Weighing(self.searches, self.runs, plain, extended)
@@ -74,6 +75,7 @@ class Evidence:
             doubts = _doubt(puzzles, cause, trial), _doubt(disturbed, cause, trial)
             small = weighing.minor(cause, trial, found, *doubts, leads)
             small = small or any(f in (cause.finding, cause.body) for f, _ in outdone)
+            small = small or (cause.where == "sensor" and cause.channel in dropping)
             (minor if small else findings).append(found)
         for found in rounded:
             (findings if found.share >= _COARSE else minor).append(found)

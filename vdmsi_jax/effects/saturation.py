@@ -86,8 +86,8 @@ class RoundSaturation(AbstractEffect):
 
 
 class EndStop(AbstractEffect):
-    """Stops that hold the moving part itself, as a rack's or a tank's rim: it leaves them as soon as
-    it is driven back, where a response that is merely cut comes back late.
+    """Stops that hold the moving part itself, as those of a rack or the rim of a tank: it leaves
+    them as soon as it is driven back, where a response that is merely cut comes back late.
 
     The force is that which lets the response come no further than the stop within the sub-step:
     an inelastic contact by time stepping.

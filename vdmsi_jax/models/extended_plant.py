@@ -350,9 +350,7 @@ def _dynamics(
         rate = _sum(m[j] * before[j] for j in range(n)) + gain * u - hold * push
         total = push
         for effect in inside:
-            spent = effect.effort(
-                Effort(u, y, rate, hold, stuck, signals.slowness, signals.h)
-            )
+            spent = effect.effort(Effort(u, y, rate, hold, stuck, signals.slowness, signals.h))
             rate, total = rate - hold * spent, total + spent
         stuck = jnp.where(jnp.abs(rate) < 1e-9 * jnp.abs(hold), 1.0, 0.0)
         return (tuple(x[i] - F[i] * total for i in range(n)), stuck), y
