@@ -164,6 +164,7 @@ def test_a_batch_of_extended_vehicles_is_the_single_ones():
             assert apart(simulate(one, drive), picked) < 1e-11
 
 
+@pytest.mark.slow
 def test_gradient_of_the_error_on_the_road():
     drive = commands()
     truth = simulate(vehicle(), drive).poses[:, :2]

@@ -193,7 +193,7 @@ def test_gradient_of_the_error_on_the_road():
 @pytest.mark.parametrize(
     ("adjoint", "mode"),
     [
-        (diffrax.RecursiveCheckpointAdjoint(), jax.grad),
+        pytest.param(diffrax.RecursiveCheckpointAdjoint(), jax.grad, marks=pytest.mark.slow),
         (diffrax.ForwardMode(), jax.jacfwd),
     ],
 )

@@ -128,3 +128,45 @@ def test_a_speed_that_lags_is_told_by_the_pose_though_the_angle_was_made_of_it()
     found = found_in(Body(*given, by_yaw_rate=True))
     assert set(found) == {"sensor_lag"}
     assert found["sensor_lag"] == pytest.approx(lag, rel=0.1)
+
+
+def test_tyres_that_follow_the_angle_late_leave_the_speed_as_it_is():
+    """A lag of the curvature alone had been told as a speed that comes late."""
+    rng, wheelbase, keep = np.random.default_rng(8), 2.7, np.exp(-DT / FINE / 0.015)
+    t = DT / FINE * np.arange(ROWS * FINE)
+    speed = 4.0 + 2.0 * np.sin(2.0 * np.pi * 0.35 * t)
+    angle = 0.2 * np.sin(2.0 * np.pi * (0.1 + 0.01 * t) * t)
+    followed, at = np.empty(len(t)), angle[0]
+    for k, goal in enumerate(angle.tolist()):
+        followed[k] = at = goal + keep * (at - goal)
+    rate = speed * np.tan(followed) / wheelbase
+
+    def way(rates):
+        return (np.cumsum(rates) - 0.5 * rates) * DT / FINE
+
+    psi = way(rate)
+    x, y = (way(speed * f(psi)) for f in (np.cos, np.sin))
+
+    def told(values, noise):
+        return values[None, ::FINE] + noise * rng.standard_normal((1, ROWS))
+
+    pose = [told(values, 0.002) for values in (x, y, psi)]
+    window = round(WINDOW / DT)
+    channels = dict(zip(("psi", "forward", "aside"), increments(*pose, window), strict=True))
+    channels = {"r": told(rate, 0.003), **channels}
+    inside = np.ones((1, ROWS), bool)
+    inside[:, -window:] = False
+    here, nowhere = ({c: m for c in channels} for m in (inside, ~np.ones((1, ROWS), bool)))
+    zero, bicycle = np.zeros((1, ROWS)), Bicycle(wheelbase, 0.0)
+    v, delta = speed[None, ::FINE], angle[None, ::FINE]
+    assert not found_in(Body(v, delta, zero, zero, channels, here, nowhere, bicycle, DT))
+
+
+def test_a_sensor_is_late_by_a_lag_or_by_a_delay():
+    """A filter of two poles is between the two, and was both, each small beside the other."""
+    body = turning(9, late=0.05)
+    keep, r = np.exp(-DT / 0.06), body.measured["r"].copy()
+    for k in range(1, ROWS):
+        r[:, k] = keep * r[:, k - 1] + (1.0 - keep) * r[:, k]
+    found = found_in(replace(body, measured={"r": r}))
+    assert len({"sensor_lag", "sensor_delay"} & set(found)) == 1

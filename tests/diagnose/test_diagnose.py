@@ -103,6 +103,7 @@ def test_a_speed_alone_is_diagnosed_with_what_is_there():
     assert found.ate is None
 
 
+@pytest.mark.slow
 def test_a_steering_angle_that_was_not_logged_is_told_from_the_yaw_rate():
     case = Case((("backlash", "steering"),), "middle", seed=3, duration=40.0)
     (drive,) = generate([case])

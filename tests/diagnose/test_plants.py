@@ -69,6 +69,7 @@ def test_a_delay_is_not_told_by_zeros_in_the_right_half_plane():
     assert delay.value == pytest.approx(0.15, abs=max(3.0 * delay.std, 0.01))
 
 
+@pytest.mark.slow
 def test_a_delay_is_told_where_a_command_was_on_its_way_when_the_log_began():
     found = vj.diagnose(driven(8, delay=0.4, awake=True))
     assert [f.cause for f in found.findings] == ["transport_delay"]
@@ -76,6 +77,7 @@ def test_a_delay_is_told_where_a_command_was_on_its_way_when_the_log_began():
     assert found.extended["y"].fit > 97.0
 
 
+@pytest.mark.slow
 def test_a_mast_that_rings_when_a_log_begins_is_a_resonance():
     plant, w, damping = vj.PlantSpec("mast", "u", "y"), 2.0 * np.pi * 1.4, 0.03
     made, h, keep = [], 0.001, 400
@@ -107,6 +109,7 @@ def test_a_servo_and_its_lag_are_no_delay():
     assert found.verdict == "no_effect" and not found.findings
 
 
+@pytest.mark.slow
 def test_a_command_is_ramped_slower_upward_than_downward():
     found = vj.diagnose(driven(4, ramps=(0.8, 2.5), noise=0.02))
     assert [f.cause for f in found.findings] == ["rate_limit"]
@@ -115,6 +118,7 @@ def test_a_command_is_ramped_slower_upward_than_downward():
     assert told["falling"].value == pytest.approx(2.5, rel=0.05)
 
 
+@pytest.mark.slow
 def test_friction_in_a_servo_behind_a_lag_is_no_play():
     found = vj.diagnose(driven(6, friction=0.06))
     assert [f.cause for f in found.findings] == ["coulomb_friction"]
@@ -201,7 +205,8 @@ def test_hills_do_not_draw_a_gain_that_falls_on_the_way():
     assert "regime_change" in names and diagnosis.findings[0].cause != "road_grade"
 
 
-@pytest.mark.parametrize("when", [41.7, 71.7])  # in the second log, and in the one that judges
+# in the second log, and in the one that judges
+@pytest.mark.parametrize("when", [41.7, pytest.param(71.7, marks=pytest.mark.slow)])
 def test_what_breaks_in_one_log_stays_broken_in_the_next(when):
     diagnosis = vj.diagnose(driven(11, fails=when))
     (finding,) = diagnosis.findings

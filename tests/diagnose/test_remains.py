@@ -1,11 +1,13 @@
 """What is left when all causes are in, and what is held out to judge by."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from vdmsi_jax.data.record import Record
 from vdmsi_jax.diagnose.chain import bands, regress
-from vdmsi_jax.diagnose.disturbance import apart, demands
+from vdmsi_jax.diagnose.disturbance import apart, demands, moving, scores
 from vdmsi_jax.diagnose.judge import Scored, Trial, confirmed, gain_of
 from vdmsi_jax.diagnose.prepare import lay_out
 from vdmsi_jax.diagnose.result import Gain
@@ -61,6 +63,15 @@ def test_wind_is_told_as_steady_unless_it_is_all_there_is():
 def test_a_slow_error_that_goes_with_what_is_asked_is_the_model_s():
     found = slow(when_it_jumps(wind(0.6)))
     assert found is not None and found.puzzling and not found.steady
+
+
+def test_wind_that_rests_while_a_vehicle_stands_does_not_go_with_what_is_asked():
+    v = np.where(T % 20.0 < 6.0, 0.0, 5.0 + np.sin(T))[None]
+    error = wind(0.3) * (v > 0.0) + 0.003 * NOISE
+    asked = demands(v, v, EVERYWHERE, DT)
+    assert scores(error, asked, EVERYWHERE, DT)[0] > 6.0
+    assert max(scores(error, asked, moving(v, EVERYWHERE), DT)) < 2.5
+    assert moving(np.zeros((1, N)), EVERYWHERE).all()  # a plant that is no vehicle's
 
 
 def test_a_slow_error_that_comes_in_events_is_the_model_s():
@@ -182,6 +193,18 @@ def test_beside_a_disturbance_a_name_must_take_most_or_hold(share, steady, named
 def test_what_is_fast_does_not_stand_in_for_a_slow_error(fast, se, named):
     gain = Gain("delta", 80.0, 88.0, se, 1.0, 0.4)
     assert Trial(gain, None, 50.0, 1.0, fast).believed(0.6, puzzling=True) is named
+
+
+def test_data_that_hardly_show_a_cause_do_not_speak_against_it():
+    y, fitted = RESPONSE + NOISE, (T < 40.0)[None]
+    effect = np.where(fitted, 0.2, 0.004) * np.sin(2 * np.pi * T / 0.7)[None]
+    shown = Scored("v", y, RESPONSE - effect, RESPONSE, np.zeros(1))
+    assert shown.faint(fitted, ~fitted) and not shown.faint(~fitted, fitted)
+    gain = Gain("v", 90.0, 90.1, 0.1, 1.0, 0.9)
+    weak = Trial(gain, None, 10.0, 1.0, fast=0.9)
+    assert not weak.believed(0.1, puzzling=False)
+    assert replace(weak, faint=True).believed(0.1, puzzling=False)
+    assert not replace(weak, faint=True).believed(0.1, puzzling=True)
 
 
 def test_one_event_does_not_outweigh_all_that_a_cause_explains():
