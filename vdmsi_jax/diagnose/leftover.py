@@ -18,7 +18,7 @@ from .result import Unexplained
 from .search import FREE
 from .stage import Stage
 from .travelled import line_over
-from .unexplained import LARGE_HELD_OUT, SMALL, extent, slow_error, slow_sizes, structure
+from .unexplained import LARGE_HELD_OUT, SMALL, events, extent, slow_error, slow_sizes, structure
 from .windows import thinned
 
 _LOUD = 100.0  # of twice the log-likelihood, from which a cause that fails on other data is told
@@ -40,7 +40,7 @@ def leftover(
     for spec, own in searches.items():
         found += _of_stage(runs, spec, own)
     if bodily is not None:
-        found += _of_body(runs, bodily)
+        found += _of_body(runs, bodily) + _of_pose(runs, bodily)
     return found
 
 
@@ -204,6 +204,18 @@ def _evenly(runs: Runs, spec: PlantSpec) -> np.ndarray | float:
         return 1.0
     speed = np.where(angle[1], np.abs(runs.channel("v")), 0.0)
     return speed / max(float(np.mean(speed[angle[1]])), 1e-300)
+
+
+def _of_pose(runs: Runs, found: BodySearch) -> list[Unexplained]:
+    """Jumps of the position: in the way over half a second, the larger of forward and aside."""
+    body, final, left = found.body, found.final, []
+    for c in ("forward", "aside"):
+        if c in body.measured:
+            known = body.mask[c] | body.held_out[c]
+            e = residual(body, final, c, known)
+            white = whiten(e[None], final.colour[c][None])[0]
+            left += events("pose", e, white, known, runs.names, body.dt)
+    return sorted(left, key=lambda u: -u.fraction)[:1]
 
 
 def _of_body(runs: Runs, found: BodySearch) -> list[Unexplained]:

@@ -15,7 +15,7 @@ from .windows import SLOW, moving_mean
 _WORTH = 0.01  # share of the innovations' variance below which bursts are not spoken of
 _SHARP = (4.5, 1.6)  # of white windows: spreads of the logarithm of energy, and its least excess
 _BROAD = (8.0, 3.0)  # of coloured ones, whose energies differ more
-_WORSE = 1.5  # innovations on data held out, beside those fitted; runs differ in noise by 1.4
+_WORSE = 1.6  # innovations on data held out, beside those fitted; runs differ in noise by 1.5
 LARGE = 0.05
 """Slow error, of a response's spread, that is told where it was fitted."""
 LARGE_HELD_OUT = 0.08
@@ -38,6 +38,20 @@ _OUTLIERS = 0.2  # of the samples, that may stand out in a window and the two be
 _LASTS = 2.5  # times the usual error without these, which an event has
 
 
+def events(
+    channel: str,
+    residual: Float[np.ndarray, "R N"],
+    innovations: Float[np.ndarray, "R N"],
+    known: Bool[np.ndarray, "R N"],
+    runs: tuple[str, ...],
+    dt: float,
+) -> list[Unexplained]:
+    """The test for drop-outs, jumps and knocks alone; see `structure`."""
+    bursts = _bursts(innovations, residual, known, runs, dt, *_SHARP)
+    bursts = bursts or _bursts(residual, residual, known, runs, dt, *_BROAD)
+    return [] if bursts is None else [Unexplained(channel, bursts[0], ("t",), bursts[1], BURSTS)]
+
+
 def structure(
     channel: str,
     residual: Float[np.ndarray, "R N"],
@@ -57,13 +71,7 @@ def structure(
         runs: names of the runs.
         dt: sample period, s.
     """
-    found = []
-    known = mask | held_out
-    bursts = _bursts(innovations, residual, known, runs, dt, *_SHARP)
-    bursts = bursts or _bursts(residual, residual, known, runs, dt, *_BROAD)
-    if bursts is not None:
-        share, when = bursts
-        found.append(Unexplained(channel, share, ("t",), when, BURSTS))
+    found = events(channel, residual, innovations, mask | held_out, runs, dt)
     worse = _worse(innovations, mask, held_out, dt)
     if worse is not None:
         found.append(

@@ -89,8 +89,9 @@ class EndStop(AbstractEffect):
     """Stops that hold the moving part itself, as those of a rack or the rim of a tank: it leaves
     them as soon as it is driven back, where a response that is merely cut comes back late.
 
-    The force is that which lets the response come no further than the stop within the sub-step:
-    an inelastic contact by time stepping.
+    The force is that which lets the response come no nearer than half way to the stop within the
+    sub-step, and half way back from behind it: an inelastic contact by time stepping, which does
+    not chatter.
 
     Attributes:
         at: what is limited.
@@ -112,10 +113,10 @@ class EndStop(AbstractEffect):
         return Saturation(at="response").probes(scales)[::2]
 
     def effort(self, at: Effort) -> Float[Array, ""]:
-        then = at.y + at.h * at.rate
+        then = at.y + 2.0 * at.h * at.rate
 
         def beyond(limit: Array, y: Array) -> Array:
             over = limit * y - 1.0
             return jnp.where(over > 0.0, over / jnp.where(over > 0.0, limit, 1.0), 0.0)
 
-        return (beyond(self.upper, then) - beyond(self.lower, -then)) / (at.h * at.gain)
+        return (beyond(self.upper, then) - beyond(self.lower, -then)) / (2.0 * at.h * at.gain)
