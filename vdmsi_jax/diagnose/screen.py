@@ -81,8 +81,9 @@ def screen(stage: Stage, at: Refit, fine: bool = True) -> list[Candidate]:
         if h.swing is not None and stage.slots[number].cause == swing.CAUSE:
             size = float(np.sum(h.swing**2))
             loudest, loud = (here, size) if size > loud else (loudest, loud)
-    stepped = [n for n in best if fine and stage.slots[n].cause in RAGGED]
-    for n in stepped:
+    steps = [n for n in best if stage.slots[n].cause == "quantization"]
+    less = sorted(steps, key=lambda n: -best[n].gain)[1:]  # forms that promise less stay coarse
+    for n in [n for n in best if fine and stage.slots[n].cause in RAGGED and n not in less]:
         best[n] = _finer(stage, ground, best[n])
     found = list(best.values())
     if loudest is not None and loudest is not best[loudest.number]:

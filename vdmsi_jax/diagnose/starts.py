@@ -223,7 +223,8 @@ def scanned(stage: Stage, at: Refit) -> list[Hypothesis]:
         slot = stage.slots[number]
         if slot.cause == "regime_change":
             made += _changed(stage, h, number)
-        if slot.cause == "quantization":
+        usual = getattr(slot.effect, "by", None) == "nearest"  # others shift the mean, and are seen
+        if slot.cause == "quantization" and usual:
             thetas = np.repeat(h.theta[None], len(sizes := _steps(stage.scales)), axis=0)
             thetas[:, slot.index[0]] = sizes
             errors, shares = _fitted(stage, [[y] for y in stage.simulate(thetas)[:, stage.mask]])

@@ -110,7 +110,7 @@ class EndStop(AbstractEffect):
     at: Literal["stop"] = eqx.field(static=True, default="stop")
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
-        return Saturation(at="response").probes(scales)[::2]
+        return Saturation(at="response").probes(scales)[1::3]
 
     def effort(self, at: Effort) -> Float[Array, ""]:
         then = at.y + 2.0 * at.h * at.rate
