@@ -26,7 +26,7 @@ class Quantization(AbstractEffect):
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
         fine = max(scales.noise, 1e-3 * scales.command)
-        count = 60 if self.by == "nearest" else 20
+        count = 60
         return [(fine * (0.5 * scales.command / fine) ** (k / count),) for k in range(count)]
 
     def command(self, u: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
