@@ -29,6 +29,7 @@ _CHANNELS_COST = 8.0
 _MOST = 7
 _REFITTED = 5  # candidates of a screen that are refitted
 _TIMES = ("delay", "time_constant", "length", "lag")
+_LAGGING = ("sensor_lag", "sensor_delay")
 _MUCH = 0.3  # of the error, that data held out bear out
 _LATE = (0.03, 0.07, 0.15, 0.32)  # s, that are tried
 
@@ -239,13 +240,9 @@ def _eliminated(body: Body, now: BodyFit) -> BodyFit:
 def _may_join(number: int, at: BodyFit) -> bool:
     """Whether a cause is not on, nor the other form of one that is: a sensor is late by a lag or by
     a delay."""
-    late = ("sensor_lag", "sensor_delay")
-
-    def which(k: int) -> tuple[str, str | None]:
-        cause = CAUSES[k]
-        return ("late" if cause.cause in late else f"{cause.cause} {cause.where}", cause.channel)
-
-    return which(number) not in {which(k) for k in at.active}
+    late = [CAUSES[k].channel for k in at.active if CAUSES[k].cause in _LAGGING]
+    own = CAUSES[number]
+    return number not in at.active and not (own.cause in _LAGGING and own.channel in late)
 
 
 def screen_body(body: Body, at: BodyFit) -> list[tuple[float, int, np.ndarray]]:

@@ -206,15 +206,19 @@ def _evenly(runs: Runs, spec: PlantSpec) -> np.ndarray | float:
     return speed / max(float(np.mean(speed[angle[1]])), 1e-300)
 
 
+def _left(body: Body, final: BodyFit, channel: str) -> tuple[np.ndarray, np.ndarray]:
+    """What the model leaves of a channel of the body, and the same whitened."""
+    e = residual(body, final, channel, body.mask[channel] | body.held_out[channel])
+    return e, whiten(e[None], final.colour[channel][None])[0]
+
+
 def _of_pose(runs: Runs, found: BodySearch) -> list[Unexplained]:
     """Jumps of the position: in the way over half a second, the larger of forward and aside."""
     body, final, left = found.body, found.final, []
     for c in ("forward", "aside"):
         if c in body.measured:
             known = body.mask[c] | body.held_out[c]
-            e = residual(body, final, c, known)
-            white = whiten(e[None], final.colour[c][None])[0]
-            left += events("pose", e, white, known, runs.names, body.dt)
+            left += events("pose", *_left(body, final, c), known, runs.names, body.dt)
     return sorted(left, key=lambda u: -u.fraction)[:1]
 
 
@@ -223,8 +227,7 @@ def _of_body(runs: Runs, found: BodySearch) -> list[Unexplained]:
     if "r" not in body.measured:
         return []
     masks = (body.mask["r"], body.held_out["r"])
-    e = residual(body, final, "r", masks[0] | masks[1])
-    white = whiten(e[None], final.colour["r"][None])[0]
+    e, white = _left(body, final, "r")
     causes = [CAUSES[finding.number].cause for finding in found.findings]
     kind = explained(weighed(*asked_of_body(runs, body, final)), causes)
     left = _of_a_kind("r", kind, causes, e, body.measured["r"], masks[0])

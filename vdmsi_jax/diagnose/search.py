@@ -165,7 +165,11 @@ def _borne_out(found: Search, seen: Mapping[tuple, Refit], known: set[int]) -> R
     stage, final = found.stage, found.final
     if stage.held_out.sum() <= 50:
         return None
-    seen_error = final.error(stage)
+    seen_error, as_good = final.error(stage), score(stage, final) - _CLOSE
+
+    def takes_much(f: Refit) -> bool:
+        return f.error(stage.fitting) < (1.0 - _MUCH) * seen_error
+
     had = set(final.hypothesis.active)
     h = final.hypothesis
     if h.swing is not None:
@@ -176,21 +180,19 @@ def _borne_out(found: Search, seen: Mapping[tuple, Refit], known: set[int]) -> R
         for f in [*seen.values(), *refit(stage.fitting, more)]
         if had < set(f.hypothesis.active) and len(f.hypothesis.active) == len(had) + 1
         if not known & (set(f.hypothesis.active) - had)
-        if f.loglik > final.loglik
+        if f.loglik > final.loglik and (takes_much(f) or score(stage, f) > as_good)
     ]
-    takes = [1.0 - f.error(stage.fitting) / seen_error for f in fits]
-    close = [score(stage, f) > score(stage, final) - _CLOSE for f in fits]
-    picked = [k for k in range(len(fits)) if takes[k] > _MUCH or close[k]]
-    fits, takes = [fits[k] for k in picked], [takes[k] for k in picked]
     best, most = None, 0.0
-    for f, take, whole in zip(fits, takes, completed(stage, fits) if fits else [], strict=True):
+    for f, whole in zip(fits, completed(stage, fits) if fits else [], strict=True):
         scored = Scored("", stage.y, final.y, whole.y, whole.colour)
         gain = gain_of(scored, stage.held_out, True, stage.dt)
         worth = confirmed(scored, stage.held_out, stage.dt)[0]
         taken = scored.taken(stage.held_out)
         sure = gain.after - gain.before > SURE * gain.se
-        slow = take > _MUCH and taken > _MUCH and worth > CAUSE_COST
-        as_good = take <= _MUCH and taken > _LASTS and gain.typical > 0.0 and worth > 0.0
-        if sure and (slow or as_good) and taken > most:
+        if takes_much(f):
+            lasts = taken > _MUCH and worth > CAUSE_COST
+        else:
+            lasts = taken > _LASTS and gain.typical > 0.0 and worth > 0.0
+        if sure and lasts and taken > most:
             best, most = f, taken
     return best

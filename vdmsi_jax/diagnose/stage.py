@@ -289,11 +289,11 @@ class _Group:
 
 
 def _longer(rows: Float[np.ndarray, "pairs N"]) -> Float[Array, "pairs M"]:
-    """Rows that go on by their last value up to a length of the ladder, of eight an octave; a
-    single column stays one."""
+    """Rows that go on by their last value up to a length of the ladder, of eight an octave; short
+    ones stay as they are."""
     n = rows.shape[1]
     rung = 1 << max(n.bit_length() - 4, 0)
-    return jnp.asarray(np.pad(rows, ((0, 0), (0, -n % rung if n > 1 else 0)), mode="edge"))
+    return jnp.asarray(np.pad(rows, ((0, 0), (0, -n % rung)), mode="edge"))
 
 
 def _padded(rows: np.ndarray) -> np.ndarray:

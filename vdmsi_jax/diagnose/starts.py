@@ -223,8 +223,8 @@ def scanned(stage: Stage, at: Refit) -> list[Hypothesis]:
         slot = stage.slots[number]
         if slot.cause == "regime_change":
             made += _changed(stage, h, number)
-        usual = getattr(slot.effect, "by", None) == "nearest"  # others shift the mean, and are seen
-        if slot.cause == "quantization" and usual:
+        nearest = getattr(slot.effect, "by", None) == "nearest"  # other forms shift the mean, too
+        if slot.cause == "quantization" and nearest:
             thetas = np.repeat(h.theta[None], len(sizes := _steps(stage.scales)), axis=0)
             thetas[:, slot.index[0]] = sizes
             errors, shares = _fitted(stage, [[y] for y in stage.simulate(thetas)[:, stage.mask]])

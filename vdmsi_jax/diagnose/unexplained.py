@@ -12,6 +12,8 @@ from .disturbance import apart, scores
 from .result import Unexplained
 from .windows import SLOW, moving_mean
 
+BURSTS = "energy of short windows"
+"""The test that drop-outs and knocks fail."""
 _WORTH = 0.01  # share of the innovations' variance below which bursts are not spoken of
 _SHARP = (4.5, 1.6)  # of white windows: spreads of the logarithm of energy, and its least excess
 _BROAD = (8.0, 3.0)  # of coloured ones, whose energies differ more
@@ -20,8 +22,6 @@ LARGE = 0.05
 """Slow error, of a response's spread, that is told where it was fitted."""
 LARGE_HELD_OUT = 0.08
 """The same where it was not fitted."""
-BURSTS = "energy of short windows"
-"""The test that drop-outs and knocks fail."""
 _HUGE = 0.3  # the same, from which on it is told whatever it looks like
 _SUBTLE = 0.025  # the same, from which on it is told if it surely goes with what is asked
 _GOES_ALONG, _RARE = 4.5, 4.0  # `disturbance.scores`, from which on a large one is the model's:
