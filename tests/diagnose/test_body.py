@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from vdmsi_jax.diagnose.body import CAUSES, WINDOW, Body, increments
-from vdmsi_jax.diagnose.body_search import search_body
+from vdmsi_jax.diagnose.body_fit import fit_body
+from vdmsi_jax.diagnose.body_search import BodySearch, search_body
+from vdmsi_jax.diagnose.leftover import jumps_of_pose
 from vdmsi_jax.diagnose.noise import Pair
 from vdmsi_jax.models.bicycle import Bicycle
 
@@ -48,6 +50,19 @@ def turning(
     return Body(
         np.array(v), np.array(delta), zero, zero, {"r": np.array(r)}, here, held, bicycle, DT
     )
+
+
+def posed(
+    v: np.ndarray, delta: np.ndarray, pose: list[np.ndarray], wheelbase: float, **channels
+) -> Body:
+    """One run, (1, ROWS) each, with its pose and what else is measured; nothing is held out."""
+    window = round(WINDOW / DT)
+    channels |= zip(("psi", "forward", "aside"), increments(*pose, window), strict=True)
+    inside = np.ones((1, ROWS), bool)
+    inside[:, -window:] = False
+    here, nowhere = ({c: m for c in channels} for m in (inside, ~np.ones((1, ROWS), bool)))
+    zero, bicycle = np.zeros((1, ROWS)), Bicycle(wheelbase, 0.0)
+    return Body(v, delta, zero, zero, channels, here, nowhere, bicycle, DT)
 
 
 def found_in(body: Body) -> dict[str, float]:
@@ -118,20 +133,14 @@ def test_a_speed_that_lags_is_told_by_the_pose_though_the_angle_was_made_of_it()
     x, y = (np.cumsum(speed * f(psi)) * DT / FINE for f in (np.cos, np.sin))
     pose = [p[None, ::FINE] + 0.002 * rng.standard_normal((1, ROWS)) for p in (x, y, psi)]
     made = np.arctan(np.tan(angle) * speed / told)[None, ::FINE]
-    window = round(WINDOW / DT)
-    channels = dict(zip(("psi", "forward", "aside"), increments(*pose, window), strict=True))
-    inside = np.ones((1, ROWS), bool)
-    inside[:, -window:] = False
-    here, nowhere = ({c: m for c in channels} for m in (inside, ~np.ones((1, ROWS), bool)))
-    zero, bicycle = np.zeros((1, ROWS)), Bicycle(wheelbase, 0.0)
-    given = told[None, ::FINE], made, zero, zero, channels, here, nowhere, bicycle, DT
-    found = found_in(Body(*given, by_yaw_rate=True))
+    found = found_in(replace(posed(told[None, ::FINE], made, pose, wheelbase), by_yaw_rate=True))
     assert set(found) == {"sensor_lag"}
     assert found["sensor_lag"] == pytest.approx(lag, rel=0.1)
 
 
-def test_tyres_that_follow_the_angle_late_leave_the_speed_as_it_is():
-    """A lag of the curvature alone had been told as a speed that comes late."""
+def swerving(jump: float = 0.0) -> Body:
+    """A run whose curvature follows the angle by 15 ms, told by yaw rate and pose; for two seconds
+    the position is off by so many metres."""
     rng, wheelbase, keep = np.random.default_rng(8), 2.7, np.exp(-DT / FINE / 0.015)
     t = DT / FINE * np.arange(ROWS * FINE)
     speed = 4.0 + 2.0 * np.sin(2.0 * np.pi * 0.35 * t)
@@ -146,20 +155,27 @@ def test_tyres_that_follow_the_angle_late_leave_the_speed_as_it_is():
 
     psi = way(rate)
     x, y = (way(speed * f(psi)) for f in (np.cos, np.sin))
+    x = x + np.where((t > 20.0) & (t < 22.0), jump, 0.0)
 
     def told(values, noise):
         return values[None, ::FINE] + noise * rng.standard_normal((1, ROWS))
 
     pose = [told(values, 0.002) for values in (x, y, psi)]
-    window = round(WINDOW / DT)
-    channels = dict(zip(("psi", "forward", "aside"), increments(*pose, window), strict=True))
-    channels = {"r": told(rate, 0.003), **channels}
-    inside = np.ones((1, ROWS), bool)
-    inside[:, -window:] = False
-    here, nowhere = ({c: m for c in channels} for m in (inside, ~np.ones((1, ROWS), bool)))
-    zero, bicycle = np.zeros((1, ROWS)), Bicycle(wheelbase, 0.0)
-    v, delta = speed[None, ::FINE], angle[None, ::FINE]
-    assert not found_in(Body(v, delta, zero, zero, channels, here, nowhere, bicycle, DT))
+    return posed(speed[None, ::FINE], angle[None, ::FINE], pose, wheelbase, r=told(rate, 0.003))
+
+
+def test_tyres_that_follow_the_angle_late_leave_the_speed_as_it_is():
+    """A lag of the curvature alone had been told as a speed that comes late."""
+    assert not found_in(swerving())
+
+
+@pytest.mark.parametrize("jump", [0.0, 0.3])
+def test_jumps_of_a_pose_are_told_by_their_moments(jump):
+    body = swerving(jump)
+    plain = fit_body(body, [()])[0]
+    left = jumps_of_pose(("run",), BodySearch(body, plain, plain, ()))
+    assert [u.channel for u in left] == ["pose"] * (jump > 0.0)
+    assert all(19.0 <= start and stop <= 23.0 for u in left for _, start, stop in u.when)
 
 
 def test_a_sensor_is_late_by_a_lag_or_by_a_delay():

@@ -1,6 +1,7 @@
 """What all causes together leave: structure, in each channel, that the library has no name for."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -40,7 +41,7 @@ def leftover(
     for spec, own in searches.items():
         found += _of_stage(runs, spec, own)
     if bodily is not None:
-        found += _of_body(runs, bodily) + _of_pose(runs, bodily)
+        found += _of_body(runs, bodily) + jumps_of_pose(runs.names, bodily)
     return found
 
 
@@ -212,13 +213,15 @@ def _left(body: Body, final: BodyFit, channel: str) -> tuple[np.ndarray, np.ndar
     return e, whiten(e[None], final.colour[channel][None])[0]
 
 
-def _of_pose(runs: Runs, found: BodySearch) -> list[Unexplained]:
-    """Jumps of the position: in the way over half a second, the larger of forward and aside."""
+def jumps_of_pose(names: tuple[str, ...], found: BodySearch) -> list[Unexplained]:
+    """Jumps of the position: in the way over half a second, the larger of forward and aside. They
+    are the sensor's, or a start's: told, they leave the verdict on causes that were found."""
     body, final, left = found.body, found.final, []
     for c in ("forward", "aside"):
         if c in body.measured:
             known = body.mask[c] | body.held_out[c]
-            left += events("pose", *_left(body, final, c), known, runs.names, body.dt)
+            jumps = events("pose", *_left(body, final, c), known, names, body.dt)
+            left += [replace(u, size=SMALL) for u in jumps]
     return sorted(left, key=lambda u: -u.fraction)[:1]
 
 
