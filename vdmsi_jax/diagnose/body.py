@@ -167,6 +167,11 @@ class Body:
         return Chain(*parts, wheelbase, self.window, self.dt)
 
     @cached_property
+    def everywhere(self) -> Chain:
+        """The same over all samples, counted or not."""
+        return replace(self.chain, mask={c: np.ones_like(m) for c, m in self.mask.items()})
+
+    @cached_property
     def index(self) -> tuple[tuple[int, ...], ...]:
         """Where each cause has its parameters; the nuisance ones come first."""
         ends = np.cumsum([len(NUISANCE), *(len(c.names) for c in CAUSES)])

@@ -28,7 +28,7 @@ class BodyFit:
         loglik: over all channels.
         logliks: by channel.
         predicted: by channel, (runs, N); `left` the residual after the chain rule.
-        colour, variance: by channel.
+        colour, variance, shares: by channel, of its innovations and of the chain rule.
         free: numbers of the free parameters; `covariance` theirs.
     """
 
@@ -40,6 +40,7 @@ class BodyFit:
     left: dict[str, np.ndarray]
     colour: dict[str, np.ndarray]
     variance: dict[str, float]
+    shares: dict[str, np.ndarray]
     free: tuple[int, ...]
     covariance: Float[np.ndarray, "p p"]
 
@@ -234,7 +235,7 @@ class Lane:
         covariance = np.linalg.inv(unit) / np.outer(scale, scale)
         return BodyFit(
             self.active, self.theta, sum(logliks.values()), logliks, self.y, self.left(),
-            self.colour, self.variance, self.free, covariance,
+            self.colour, self.variance, self.shares, self.free, covariance,
         )  # fmt: skip
 
 
@@ -348,8 +349,7 @@ def _inside(normal: np.ndarray, slope: np.ndarray, low: np.ndarray, high: np.nda
 def residual(body: Body, fit: BodyFit, channel: str, use: np.ndarray) -> Float[np.ndarray, "R N"]:
     """What a fit leaves of a channel after the chain rule, over any samples, by the shares that the
     fit has found."""
-    lane = Lane.of(body, fit)
-    e = {c: body.measured[c] - fit.predicted[c] for c in fit.predicted}
-    whole = {c: np.ones_like(body.mask[c]) for c in body.mask}
-    X = replace(body, mask=whole).chain.columns(e)[channel]
-    return np.where(use, e[channel] - np.tensordot(lane.shares[channel], X, 1), 0.0)
+    above = {c for c in ("r", channel) if c in fit.predicted}
+    e = {c: body.measured[c] - fit.predicted[c] for c in above}
+    X = body.everywhere.columns(e)[channel]
+    return np.where(use, e[channel] - np.tensordot(fit.shares[channel], X, 1), 0.0)

@@ -68,7 +68,15 @@ def autoregression(
 
 def spectrum(e: Float[np.ndarray, "... N"]) -> Complex[np.ndarray, "... F"]:
     """Fourier transform, padded so that no lag of a whitening filter wraps around."""
-    return np.fft.rfft(e, 1 << (e.shape[-1] + _MOST).bit_length())
+    return np.fft.rfft(e, _transformed(e.shape[-1] + _MOST))
+
+
+def _transformed(length: int) -> int:
+    """The first even length from `length` on that is quick to transform."""
+    octave = max(length.bit_length() - 4, 1)
+    return min(
+        m << k for m in (8, 9, 10, 12, 15, 16) for k in (octave, octave + 1) if m << k >= length
+    )
 
 
 def predicted(
@@ -91,7 +99,7 @@ def whiten(
     """Innovations `e[k] - sum a[j] e[k-1-j]`; the first `order` of each run are not usable."""
     H, order = coefficients.shape
     taps = np.concatenate([np.ones((H, 1)), -coefficients], axis=1)
-    size = 1 << (e.shape[-1] + order).bit_length()
+    size = _transformed(e.shape[-1] + order)
     shape = (H, *(1,) * (e.ndim - 2), size // 2 + 1)
     response = np.fft.rfft(taps, size).reshape(shape)
     return np.fft.irfft(np.fft.rfft(e, size) * response, size)[..., : e.shape[-1]]

@@ -10,7 +10,7 @@ from .body import CAUSES, Body
 from .body_fit import BodyFit, residual
 from .body_search import BodyFinding, BodySearch
 from .colour import whiten
-from .disturbance import demands, moving
+from .disturbance import demands, moving, scores
 from .families import Explained, Family, better_than, explained, of_body, of_plant, weighed
 from .found import Failed, Finding, Search
 from .judge import Scored
@@ -28,6 +28,8 @@ _PUZZLING = 0.2  # of it, from which on it casts doubt on what was found beside
 _ANOTHER = (
     2.5  # times the slow error on data fitted, from which on data held out are of another kind
 )
+_JUMPS = 10.0  # `disturbance.scores` of events, from which a pose surely jumps: clean drives of two
+# exams had up to 7.8, jumps of a satellite receiver 13
 _MANY = 30_000  # samples, beyond which kinds of error are asked by means of several
 
 Question = tuple[np.ndarray, np.ndarray, list[Family], np.ndarray, np.ndarray, float]
@@ -220,7 +222,10 @@ def jumps_of_pose(names: tuple[str, ...], found: BodySearch) -> list[Unexplained
     for c in ("forward", "aside"):
         if c in body.measured:
             known = body.mask[c] | body.held_out[c]
-            jumps = events("pose", *_left(body, final, c), known, names, body.dt)
+            e, white = _left(body, final, c)
+            moves = known & moving(body.v, known)
+            sure = scores(e, np.empty((0, *e.shape)), moves, body.dt)[1] > _JUMPS
+            jumps = events("pose", e, white, known, names, body.dt, sure)
             left += [replace(u, size=SMALL) for u in jumps]
     return sorted(left, key=lambda u: -u.fraction)[:1]
 

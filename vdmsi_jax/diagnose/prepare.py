@@ -271,7 +271,8 @@ def make_stage(name, u, y, mask, held_out, shared, allowed, wheres, dt, begun=No
         rate=1.0, speed=float(np.mean(np.abs(shared[1][known]))),
         distance=float(shared[3][mask].max()),
         duration=max(lengths) * dt, dt=dt, time_constant=1.0,
-        noise=float(noise) if np.isfinite(noise) else 0.0, session=float(max(ends, default=0.0)),
+        noise=float(noise) if np.isfinite(noise) else 0.0, log=float(shared[0][mask].max()),
+        session=float(max(ends, default=0.0)),
     )  # fmt: skip
     effects = tuple(e.scaled(scales) for e in ACTUATOR)
     t, v, other, distance = (jnp.asarray(x) for x in shared)

@@ -128,7 +128,9 @@ def _finer(stage: Stage, ground: "_Ground", found: Candidate) -> Candidate:
     i, moment = slot.index[0], slot.cause == "regime_change"
     for width in (0.06, 0.006):
         thetas = np.repeat(found.theta[None], 32, axis=0)
-        around = stage.scales.duration if moment else found.theta[i]
+        around = (
+            stage.scales.clock(getattr(slot.effect, "over", "run")) if moment else found.theta[i]
+        )
         thetas[:, i] += np.linspace(-width, width, 32) * around
         tried = [replace(ground.at.hypothesis, theta=theta) for theta in thetas]
         y = responses(stage, tried)

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -36,6 +37,7 @@ _TOLD = 10.0  # what a pole for a delay may cost
 _MENDS = 0.06  # of what other causes are worth, likewise
 _GROWS = 50.0  # that a cause in a small plant must gain for larger ones to be tried with it
 _REACH = 60.0  # that a candidate may lie behind the best after a few steps
+_PATIENT = 5  # rounds of a refit whose way is long
 
 
 def climbed(
@@ -56,20 +58,24 @@ def climbed(
         screened = screened or candidates
         promising = leading(stage, (c for c in candidates if c.gain > 4.0), _REFITTED)
         starts = [joined(now.hypothesis, c) for c in promising]
-        patient: list[Hypothesis] = []
         if now is plain:
             starts += _in_smaller(stage, plain, grid)
+            patient = [*waiting(stage, plain, grid), *ringing(stage, plain)]
+            patient += shifted(stage, plain, grid)
         else:
             smaller = [h for order in _SMALL for h in late(stage, now, order)]
-            (patient if backward(now.hypothesis).size else starts).extend(smaller)
+            lost = backward(now.hypothesis).size > 0
+            patient = [h for h in smaller if lost or _waits(stage, h)]
+            starts += [h for h in smaller if not (lost or _waits(stage, h))]
             if not rings:  # or the plant would take the mode back
                 starts += closest(stage, list(nested(stage, now.hypothesis)), 1)
         most = max((c.gain for c in promising), default=0.0)
-        fits = refit(stage, starts, worth=worth, reach=max(_REACH, 0.5 * most))
-        fits += refit(stage, patient)
+        several = partial(refit, worth=worth, reach=max(_REACH, 0.5 * most))
+        fits = several(stage, starts)
+        fits += refit(stage, patient, rounds=_PATIENT)
+        fits += several(stage, _afresh(stage, plain, grid)) if now is plain else []
         fits = best_of_each([*fits, *refit(stage, mirrored(stage, fits))])
         if now is plain:
-            fits += _afresh(stage, plain, grid)
             fits += [f for small in _strongest(stage, fits, grid) for f in grown(stage, small)]
         seen |= {key_of(f.hypothesis): f for f in fits}
         least = score(stage, now) + (0.0 if now is plain else _PROGRESS)
@@ -119,6 +125,11 @@ def _strongest(
     return list(picked.values())[:2]
 
 
+def _waits(stage: Stage, h: Hypothesis) -> bool:
+    """Whether a delay is on, whose way to its best is long."""
+    return any(stage.slots[number].cause == "transport_delay" for number in h.active)
+
+
 def joined(h: Hypothesis, candidate: Candidate) -> Hypothesis:
     theta = candidate.theta.copy()
     theta[: LEADS[0]] = h.theta[: LEADS[0]]
@@ -135,13 +146,10 @@ def _smaller(stage: Stage, grid: Mapping[tuple[int, int], Refit], plain: Refit) 
     return small[:_SMALLER] + [f for f in small[_SMALLER:] if f.hypothesis.zeros == 0][:1]
 
 
-def _afresh(stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]) -> list[Refit]:
-    """Fits of causes that are not reached from the best plain plant."""
+def _afresh(stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]) -> list[Hypothesis]:
+    """Causes that are not reached from the best plain plant."""
     plants = [plain, *_smaller(stage, grid, plain)[:1]]
-    starts = [*bent(stage, grid[1, 0]), *waiting(stage, plain, grid), *ringing(stage, plain)]
-    starts += [*shifted(stage, plain, grid), *(h for at in plants for h in scanned(stage, at))]
-    fits = refit(stage, starts)
-    return best_of_each([*fits, *refit(stage, mirrored(stage, fits))])
+    return [*bent(stage, grid[1, 0]), *(h for p in plants for h in scanned(stage, p))]
 
 
 def eliminate(

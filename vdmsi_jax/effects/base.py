@@ -96,6 +96,7 @@ class Scales(eqx.Module):
         dt: sample period, s.
         time_constant: slowest time constant of the plant, s.
         noise: standard deviation of the response's noise.
+        log: length of the longest log, s, of which runs may be parts; zero where they are none.
         session: length of the session, s, of which the runs are parts; zero where they are none.
     """
 
@@ -110,7 +111,12 @@ class Scales(eqx.Module):
     dt: float
     time_constant: float
     noise: float
+    log: float = 0.0
     session: float = 0.0
+
+    def clock(self, over: str) -> float:
+        """How long a clock goes on that changes are told by, s: of the `session`, or of a log."""
+        return self.session if over == "session" else max(self.log, self.duration)
 
     @property
     def command(self) -> float:

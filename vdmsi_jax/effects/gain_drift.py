@@ -29,7 +29,7 @@ class GainDrift(AbstractEffect):
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
         shares = (-0.3, -0.05, 0.05, 0.3)
-        length = scales.session if self.over == "session" else scales.duration
+        length = scales.clock(self.over)
         straight = [(k / max(length, scales.dt), 0.0) for k in shares]
         soon = min(3.0 / max(length, scales.dt), _SOONEST)
         return straight + [(k * soon, soon) for k in shares]

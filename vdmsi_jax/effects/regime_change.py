@@ -30,7 +30,7 @@ class RegimeChange(AbstractEffect):
     over: Literal["run", "session"] = eqx.field(static=True, default="run")
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
-        length = scales.session if self.over == "session" else scales.duration
+        length = scales.clock(self.over)
         return [
             (share * length, size, 0.0)
             for share in (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
