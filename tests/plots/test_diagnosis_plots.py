@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 import made_up_diagnosis
 from vdmsi_jax import plots
 from vdmsi_jax.plots.diagnosis import leading_response
-from vdmsi_jax.plots.overlays import best_window, binned, judged_run
+from vdmsi_jax.plots.overlays import best_window, binned, judged_run, over_time
 
 OF_A_DIAGNOSIS = {
     "diagnosis": plots.diagnosis,
@@ -123,6 +123,18 @@ def test_bins_find_a_shape_and_their_band_covers_its_absence():
     at, mean, half = binned(one, one + 1.0, 1.0)  # a command that never moved
     assert at.tolist() == [0.0] and mean.tolist() == [1.0]
     assert binned(np.zeros(0), np.zeros(0), 1.0)[0].size == 0
+
+
+def test_no_line_crosses_what_was_not_held_out():
+    t = np.concatenate([np.arange(0.0, 5.0, 0.02), np.arange(20.0, 25.0, 0.02)])
+    x, mean, half = over_time(t, np.sin(t), 1.0)
+    breaks = np.isnan(x)
+    assert breaks.sum() == 2 and np.isnan(mean[breaks]).all() and np.isnan(half[breaks]).all()
+    inside = np.flatnonzero(~breaks)
+    jumps = np.diff(x)[np.diff(x) > 1.0]
+    assert jumps.size == 0 and x[inside[0]] < 5.0 and x[inside[-1]] > 20.0
+    whole, *_ = over_time(np.arange(0.0, 5.0, 0.02), np.zeros(250), 1.0)
+    assert np.isnan(whole).sum() == 1 and np.isnan(whole[-1])
 
 
 def test_the_leading_response_is_that_of_the_strongest_finding():

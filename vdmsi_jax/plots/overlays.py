@@ -229,12 +229,11 @@ def residual_against(response: Response, command_unit: str | None = None) -> Fig
         axes.axhline(0.0, color=MUTED, lw=0.8)
         for name, values, tone in _simulations(response, run):
             if against is None:
-                at, residual = run.t, run.y - values
-                if run.held_out.any():
-                    residual = np.where(run.held_out, residual, np.nan)
+                shown = run.held_out if run.held_out.any() else np.isfinite(run.y)
+                x, mean, half = over_time(run.t[shown], (run.y - values)[shown], spread)
             else:
                 at, residual = against[rows], (response.y - getattr(response, name))[rows]
-            x, mean, half = binned(at, residual, spread, 2 * BINS if against is None else BINS)
+                x, mean, half = binned(at, residual, spread)
             axes.fill_between(x, mean - half, mean + half, color=tone, alpha=0.22, lw=0)
             axes.plot(x, mean, ".-", ms=4, lw=1.1, color=tone, label=name)
         axes.set_title(f"against {title}")
@@ -243,6 +242,20 @@ def residual_against(response: Response, command_unit: str | None = None) -> Fig
         axes.set_ylabel(unit_label("residual", response.unit))
     legend_above(every[0, 0])
     return figure
+
+
+def over_time(
+    t: np.ndarray, y: np.ndarray, spread: float, bins: int = 2 * BINS
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """`binned` for each stretch of time, with a gap between them that no line crosses."""
+    usual = np.median(np.diff(t)) if t.size > 1 else 0.0
+    stops = np.flatnonzero(np.diff(t) > max(t.size / bins, 2.0) * usual) + 1
+    parts = []
+    for a, b in zip(np.r_[0, stops], np.r_[stops, t.size], strict=True):
+        share = max(2, round(bins * (b - a) / max(t.size, 1)))
+        parts += [binned(t[a:b], y[a:b], spread, share), (np.full(1, np.nan),) * 3]
+    x, mean, half = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return x, mean, half
 
 
 def binned(
