@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from vdmsi_jax.config import PlantSpec
 from vdmsi_jax.data.record import Record
 from vdmsi_jax.diagnose.chain import bands, regress
 from vdmsi_jax.diagnose.disturbance import apart, demands, moving, scores
 from vdmsi_jax.diagnose.judge import Scored, Trial, confirmed, gain_of
-from vdmsi_jax.diagnose.prepare import lay_out
+from vdmsi_jax.diagnose.prepare import lay_out, stage_of
 from vdmsi_jax.diagnose.result import Gain
-from vdmsi_jax.diagnose.unexplained import slow_error, structure
+from vdmsi_jax.diagnose.unexplained import events, slow_error, structure
 
 DT = 0.02
 N = 3000
@@ -100,6 +101,14 @@ def test_a_smaller_one_is_told_where_it_surely_goes_with_what_is_asked():
     assert slow(wind(0.08)) is None
 
 
+def test_small_events_are_told_where_surrogates_have_none_and_cast_no_doubt():
+    at = np.array([11.3, 31.7, 47.9])[:, None]
+    found = slow(np.sum(0.18 * np.exp(-(((T - at) / 0.8) ** 2)), axis=0)[None])
+    assert found is not None and not found.steady and not found.puzzling
+    assert 0.012 < found.size < 0.025
+    assert slow(wind(0.04)) is None
+
+
 def burst(seconds: float, size: float) -> list:
     residual = NOISE.copy()
     first = N // 2 + 5
@@ -114,6 +123,20 @@ def test_an_event_is_told_and_a_sample_that_stands_out_is_not():
     assert event.test == "energy of short windows"
     (run, start, stop), *_ = event.when
     assert run == "one" and start <= DT * (N // 2 + 5) + 0.5 and stop >= DT * (N // 2)
+
+
+def test_events_in_coloured_noise_are_told_where_there_surely_are_some():
+    noise = wind(0.05, 0.2)
+    jumps = noise.copy()
+    for first in range(200, N - 100, 150):
+        jumps[0, first : first + 25] += 0.25
+
+    def told(residual, sure):
+        return events("pose", residual, NOISE, EVERYWHERE, ("one",), DT, sure)
+
+    assert told(jumps, False) == [] and told(noise, True) == []
+    (found,) = told(jumps, True)
+    assert found.fraction > 0.5
 
 
 def test_bands_add_up_and_part_slow_from_fast():
@@ -152,6 +175,22 @@ def test_a_long_log_is_looked_at_in_stretches_that_span_it():
     looked = sum(b - a for a, b in zip(runs.starts, runs.stops, strict=True))
     assert looked <= 15_000
     assert runs.starts[0] < 10_000 and runs.stops[-1] > 170_000
+
+
+def test_a_change_in_every_run_is_looked_for_over_a_long_log_that_is_cut():
+    rows, rng = 10_000, np.random.default_rng(1)
+    logs = []
+    for name in ("one", "two"):
+        u = np.repeat(rng.uniform(1.0, 3.0, rows // 100), 100)
+        logs.append(Record.from_arrays(dt=DT, name=name, v_cmd=u, v=u))
+    stage = stage_of(lay_out(logs), PlantSpec("powertrain", "v_cmd", "v"))
+    assert stage.mask.shape[1] < rows // 4  # stretches of it are looked at
+    latest = {
+        slot.effect.over: max(probe[0] for probe in slot.effect.probes(stage.scales))
+        for slot in stage.slots
+        if slot.cause == "regime_change"
+    }
+    assert 0.7 * rows * DT < latest["run"] < rows * DT
 
 
 def trial(before, after, y):
