@@ -191,6 +191,11 @@ def test_a_change_in_every_run_is_looked_for_over_a_long_log_that_is_cut():
         if slot.cause == "regime_change"
     }
     assert 0.7 * rows * DT < latest["run"] < rows * DT
+    way = np.asarray(stage.signals.distance)
+    starts = np.array([np.sum(np.abs(u[:k])) * DT for k in lay_out(logs).starts])
+    own = np.array(lay_out(logs).names) == "two"
+    np.testing.assert_allclose(way[own, 0], starts[own])
+    assert stage.scales.distance == pytest.approx(way.max(), rel=0.05)
 
 
 def trial(before, after, y):

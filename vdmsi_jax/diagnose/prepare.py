@@ -99,6 +99,18 @@ class Runs:
         """(R, N) time since the start of the run, s."""
         return np.asarray(self.since)[:, None] + self.dt * np.arange(self.length)
 
+    def travelled(self) -> Float[np.ndarray, "R N"]:
+        """(R, N) way since the start of the run, m, through gaps at the speed before them; zeros
+        where no speed was measured."""
+        rows = []
+        for i, record in self._each():
+            first = next(s.start for s in record.segments if s.run == self.names[i])
+            v = np.abs(record["v"]) if "v" in record else np.zeros(record.n)
+            steps = v[first : self.stops[i] - 1] * np.diff(record.t[first : self.stops[i]])
+            way = np.concatenate([np.zeros(first + 1), np.cumsum(steps)])
+            rows.append(self._padded(way, i))
+        return np.stack(rows)
+
     def _each(self):
         return enumerate(self.records)
 
@@ -223,7 +235,6 @@ def stage_of(runs: Runs, spec: PlantSpec, reference: KnownNoise | None = None) -
         y, seen = found
     v = runs.channel("v")
     other = runs.channel("delta_cmd" if spec.output == "v" else "v_cmd")
-    distance = np.concatenate([np.zeros((len(v), 1)), np.cumsum(np.abs(v[:, :-1]), axis=1)], axis=1)
     held = runs.held()
     name = spec.name if spec.name in _FOREIGN else "plant"
     is_vehicle = runs.records[0].vehicle is not None and name != "plant"
@@ -235,7 +246,7 @@ def stage_of(runs: Runs, spec: PlantSpec, reference: KnownNoise | None = None) -
         foreign = foreign | _SESSION
     wheres = tuple("vehicle" if e.cause == "road_grade" else name for e in ACTUATOR)
     allowed = tuple(i for i, e in enumerate(ACTUATOR) if not {e.cause, kind(e)} & foreign)
-    shared = (runs.time(), v, other, distance * runs.dt)
+    shared = (runs.time(), v, other, runs.travelled())
     masks = seen & ~held, seen & held
     stage = make_stage(spec.name, u, y, *masks, shared, allowed, wheres, runs.dt, begun)
     if reference is not None:
