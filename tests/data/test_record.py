@@ -157,6 +157,18 @@ def test_one_run_cannot_be_split_by_run():
         record().split(held_out=1.0)
 
 
+def test_the_way_goes_on_through_gaps_and_starts_anew_with_a_run():
+    whole = Record.from_arrays(dt=0.1, v=[1.0, 2.0, -3.0, 3.0, 3.0, 1.0])
+    np.testing.assert_allclose(whole.travelled(), [0.0, 0.1, 0.3, 0.6, 0.9, 1.2])
+    torn = whole.select([Segment(0, 3), Segment(4, 6)])
+    np.testing.assert_allclose(torn.travelled(), [0.0, 0.1, 0.3, 0.9, 1.2])
+    twice = Record.concatenate([whole, torn.renamed("again")])
+    np.testing.assert_allclose(twice.travelled(), np.r_[whole.travelled(), torn.travelled()])
+    told = Record.from_arrays(dt=0.1, v_cmd=[2.0, 2.0, 0.0])
+    np.testing.assert_allclose(told.travelled(), [0.0, 0.2, 0.4])
+    assert not Record.from_arrays(dt=0.1, u=[1.0, 2.0]).travelled().any()
+
+
 def test_joining_keeps_runs_samples_and_masks():
     first, second = record(name="one", runs=("one",)), record(name="two", runs=("x", "y"), seed=1)
     both = Record.concatenate([first, second])

@@ -87,10 +87,10 @@ def motion(record: Record, model: Model, kind: Kind) -> tuple[dict[str, np.ndarr
         for plant in (model.plant("v_cmd", "v"), model.plant("delta_cmd", "delta"))
     )
     trajectories = []
-    for i, (segment, since) in enumerate(zip(record.segments, _since(record), strict=True)):
+    for i, (segment, known) in enumerate(zip(record.segments, _begun(record), strict=True)):
         x, y, psi = (record[name][segment.start] for name in POSE)
         start = Start(x, y, psi, powertrain=powertrain[i], steering=steering[i])
-        commands = Commands(speeds[i], angles[i], record.dt, since=since, session=record.session)
+        commands = Commands(speeds[i], angles[i], record.dt, **known)
         trajectories.append(simulate(vehicle, commands, start))
     failed = [t for t in trajectories if not bool(t.ok)]
     channels = {
@@ -134,12 +134,21 @@ def _joined(record: Record, rows: Sequence[ArrayLike]) -> np.ndarray:
     )
 
 
-def _since(record: Record) -> list[float]:
-    """Time of the first sample of each segment since its run began, s."""
+def _begun(record: Record) -> list[dict[str, float]]:
+    """How far its run has come where each segment begins: `since`, s, and `way`, m; and when it
+    began in its `session`, s."""
     began: dict[str, float] = {}
     for segment in record.segments:
         began.setdefault(segment.run, float(record.t[segment.start]))
-    return [float(record.t[segment.start]) - began[segment.run] for segment in record.segments]
+    way = record.travelled()
+    return [
+        {
+            "since": float(record.t[segment.start]) - began[segment.run],
+            "way": float(way[segment.start]),
+            "session": record.session,
+        }
+        for segment in record.segments
+    ]
 
 
 def _heard(
@@ -156,10 +165,8 @@ def _heard(
     v = next((channels[name] for name in speeds if name in channels), nothing)
     rows = (_padded(record, values) for values in (v, channels.get(other, nothing)))
     return [
-        model.hearing(
-            surroundings(jnp.asarray(v), jnp.asarray(w), record.dt, since, record.session)
-        )
-        for v, w, since in zip(*rows, _since(record), strict=True)
+        model.hearing(surroundings(jnp.asarray(v), jnp.asarray(w), record.dt, **known))
+        for v, w, known in zip(*rows, _begun(record), strict=True)
     ]
 
 

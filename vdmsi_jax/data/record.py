@@ -220,6 +220,17 @@ class Record:
             ~self.filled[channel] if channel in self.filled else np.ones(values.shape, dtype=bool)
         )
 
+    def travelled(self) -> Float[np.ndarray, " N"]:
+        """Way since the start of each sample's run, m: by the measured speed, else the commanded
+        one, and through gaps at the speed before them. Zeros where there is neither."""
+        way = np.zeros(self.n)
+        v = next((np.abs(self[name]) for name in ("v", "v_cmd") if name in self), way)
+        for run in self.runs:
+            own = [segment for segment in self.segments if segment.run == run]
+            rows = slice(own[0].start, own[-1].stop)
+            way[rows][1:] = np.cumsum(v[rows][:-1] * np.diff(self.t[rows]))
+        return way
+
     def pieces(self, channel: str) -> list[Float[np.ndarray, " _"]]:
         """The channel's samples segment by segment."""
         values = self[channel]

@@ -100,16 +100,8 @@ class Runs:
         return np.asarray(self.since)[:, None] + self.dt * np.arange(self.length)
 
     def travelled(self) -> Float[np.ndarray, "R N"]:
-        """(R, N) way since the start of the run, m, through gaps at the speed before them; zeros
-        where no speed was measured."""
-        rows = []
-        for i, record in self._each():
-            first = next(s.start for s in record.segments if s.run == self.names[i])
-            v = np.abs(record["v"]) if "v" in record else np.zeros(record.n)
-            steps = v[first : self.stops[i] - 1] * np.diff(record.t[first : self.stops[i]])
-            way = np.concatenate([np.zeros(first + 1), np.cumsum(steps)])
-            rows.append(self._padded(way, i))
-        return np.stack(rows)
+        """(R, N) way since the start of the run, m."""
+        return np.stack([self._padded(record.travelled(), i) for i, record in self._each()])
 
     def _each(self):
         return enumerate(self.records)

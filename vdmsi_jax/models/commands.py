@@ -17,6 +17,7 @@ class Commands(eqx.Module):
         dt: sample period, s.
         t0: time of the first row, s.
         since: time of the first row since the run began, s, for what changes as a run goes on.
+        way: travelled since the run began at the first row, m, likewise.
         session: time of the session at which the run began, s, as `Record.session`.
     """
 
@@ -25,6 +26,7 @@ class Commands(eqx.Module):
     dt: Float[Array, ""] = eqx.field(converter=jnp.asarray)
     t0: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.0)
     since: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.0)
+    way: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.0)
     session: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.0)
 
     def __check_init__(self):

@@ -155,7 +155,8 @@ def surroundings(
     other: Float[Array, " N"],
     dt: Float[ArrayLike, ""],
     since: Float[ArrayLike, ""] = 0.0,
-    begun: Float[ArrayLike, ""] = 0.0,
+    session: Float[ArrayLike, ""] = 0.0,
+    way: Float[ArrayLike, ""] = 0.0,
 ) -> Signals:
     """What an actuator of a vehicle is told.
 
@@ -164,12 +165,13 @@ def surroundings(
         other: command of the other actuator.
         dt: sample period, s.
         since: time of the first row since the run began, s.
-        begun: time of the session at which the run began, s.
+        session: time of the session at which the run began, s.
+        way: travelled since the run began at the first row, m.
     """
     dt = jnp.asarray(dt, float)
     t = jnp.asarray(since, float) + dt * jnp.arange(v.shape[0])
-    way = jnp.concatenate([jnp.zeros(1), jnp.cumsum(jnp.abs(v[:-1])) * dt])
-    one, none, began = jnp.ones(()), jnp.zeros(2), jnp.asarray(begun, float)[None]
+    way = jnp.asarray(way, float) + jnp.append(0.0, jnp.cumsum(jnp.abs(v[:-1])) * dt)
+    one, none, began = jnp.ones(()), jnp.zeros(2), jnp.asarray(session, float)[None]
     return Signals(t, v, other, way, one, none, dt, 1, begun=began)
 
 

@@ -108,9 +108,8 @@ def respond(vehicle: Vehicle, commands: Commands, start: Start) -> Responses:
 
     def run(plant: AbstractPlant, u: Array, v: Array, other: Array, x0: Array | None):
         if isinstance(plant, ExtendedPlant):
-            plant = plant.hearing(
-                surroundings(v, other, commands.dt, commands.since, commands.session)
-            )
+            known = (commands.since, commands.session, commands.way)
+            plant = plant.hearing(surroundings(v, other, commands.dt, *known))
         return plant.trace(u, commands.dt, x0)
 
     v_cmd, delta_cmd = commands.v_cmd, commands.delta_cmd
