@@ -224,6 +224,7 @@ def test_a_log_that_does_not_move_is_refused(record, channel, value, words):
         identify(still, "plant")
 
 
+@pytest.mark.slow
 def test_float32_is_warned_of(record):
     with jax.enable_x64(False), pytest.warns(UserWarning, match="float32"):
         grid = identify(record, "plant", poles=(1,), zeros=(0,), held_out=0.0, delay=False)

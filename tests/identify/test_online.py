@@ -33,8 +33,9 @@ def errors(parameters: np.ndarray) -> np.ndarray:
     return np.linalg.norm(parameters / POWERTRAIN.parameters - 1.0, axis=-1)
 
 
-@pytest.mark.parametrize("seeds", [3, pytest.param(24, marks=pytest.mark.slow)])
-def test_it_is_as_good_as_the_offline_fit_after_20_s(seeds):
+@pytest.mark.slow
+def test_it_is_as_good_as_the_offline_fit_after_20_s():
+    seeds = 24
     drives = [drive(seed, 20.0) for seed in range(seeds)]
     u, y = np.array([u for u, _ in drives]), np.array([y for _, y in drives])
     y = y + np.array([white(y.shape[1], NOISE, seed) for seed in range(seeds)])
