@@ -270,7 +270,7 @@ def test_a_sweep_goes_on_where_it_was_stopped(vdmsi, tmp_path, settings):
         (DEMO / "steering_steps.csv", "steering"),
     ]
     config.write_text(
-        "[identify]\npoles = [1]\nzeros = [0, 1, 2]\n[sweep]\nruns = [\n"
+        "[identify]\npoles = [1, 2]\nzeros = [0, 1, 2]\n[sweep]\nruns = [\n"
         + "".join(
             f'{{ log = "{log}", config = "{settings}", plants = ["{plant}"] }},\n'
             for log, plant in runs

@@ -101,7 +101,8 @@ class Runs:
 
     def travelled(self) -> Float[np.ndarray, "R N"]:
         """(R, N) way since the start of the run, m."""
-        return np.stack([self._padded(record.travelled(), i) for i, record in self._each()])
+        ways = {record: record.travelled() for record in set(self.records)}
+        return np.stack([self._padded(ways[record], i) for i, record in self._each()])
 
     def _each(self):
         return enumerate(self.records)

@@ -126,11 +126,10 @@ def _finer(stage: Stage, ground: "_Ground", found: Candidate) -> Candidate:
     ragged, and no refit finds its way far."""
     slot = stage.slots[found.number]
     i, moment = slot.index[0], slot.cause == "regime_change"
+    clock = stage.scales.clock(getattr(slot.effect, "over", "run"))
     for width in (0.06, 0.006):
         thetas = np.repeat(found.theta[None], 32, axis=0)
-        around = (
-            stage.scales.clock(getattr(slot.effect, "over", "run")) if moment else found.theta[i]
-        )
+        around = clock if moment else found.theta[i]
         thetas[:, i] += np.linspace(-width, width, 32) * around
         tried = [replace(ground.at.hypothesis, theta=theta) for theta in thetas]
         y = responses(stage, tried)

@@ -65,8 +65,9 @@ def climbed(
         else:
             smaller = [h for order in _SMALL for h in late(stage, now, order)]
             lost = backward(now.hypothesis).size > 0
-            patient = [h for h in smaller if lost or _waits(stage, h)]
-            starts += [h for h in smaller if not (lost or _waits(stage, h))]
+            patient = []
+            for h in smaller:
+                (patient if lost or _waits(stage, h) else starts).append(h)
             if not rings:  # or the plant would take the mode back
                 starts += closest(stage, list(nested(stage, now.hypothesis)), 1)
         most = max((c.gain for c in promising), default=0.0)

@@ -238,10 +238,8 @@ def _changed(stage: Stage, h: Hypothesis, number: int) -> list[Hypothesis]:
     """A plant with a change of gain, alone and with a lag, at the moments that explain most."""
     slot = stage.slots[number]
     time, gain, slowing = slot.index
-    told = stage.signals.t
-    if getattr(slot.effect, "over", "run") == "session":
-        told = told + stage.signals.begun
-    times = np.quantile(np.asarray(told)[stage.mask], np.linspace(0.03, 0.97, _TIMES))
+    told = np.asarray(stage.signals.clock(getattr(slot.effect, "over", "run")))[stage.mask]
+    times = np.quantile(told, np.linspace(0.03, 0.97, _TIMES))
     lag = _CHANGE * stage.scales.time_constant
     thetas = np.repeat(h.theta[None], 2 * _TIMES, axis=0)
     thetas[:, time], thetas[:, gain] = np.tile(times, 2), _CHANGE

@@ -51,6 +51,10 @@ class Signals(eqx.Module):
     before: Float[Array, ""] | None = None
     begun: Float[Array, "*runs 1"] = eqx.field(default_factory=lambda: jnp.zeros(1))
 
+    def clock(self, over: str) -> Float[Array, "*runs N"]:
+        """Time by which a change is told, s: of the `session`, or of a run."""
+        return self.t + self.begun if over == "session" else self.t
+
     @staticmethod
     def plain(n: int, dt: float, substeps: int = 1) -> "Signals":
         """The signals of a plant that is no vehicle's, for `n` rows every `dt` seconds."""

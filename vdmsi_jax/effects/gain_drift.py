@@ -35,7 +35,7 @@ class GainDrift(AbstractEffect):
         return straight + [(k * soon, soon) for k in shares]
 
     def command(self, u: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
-        t = signals.t + signals.begun if self.over == "session" else signals.t
+        t = signals.clock(self.over)
         x = self.bend * t
         small = jnp.abs(x) < 1e-4
         safe = jnp.where(small, 1.0, x)

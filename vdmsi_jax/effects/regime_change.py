@@ -39,6 +39,6 @@ class RegimeChange(AbstractEffect):
 
     def command(self, u: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
         row = signals.h * signals.substeps
-        t = signals.t + signals.begun if self.over == "session" else signals.t
+        t = signals.clock(self.over)
         after = jnp.clip((t - self.time) / row + 0.5, 0.0, 1.0)
         return lag(u + self.gain * after * u, after * self.slowing / row)
