@@ -170,6 +170,22 @@ def test_logs_with_one_name_get_their_folders(tmp_path):
     assert Record.concatenate(records).runs == ("monday/run", "tuesday/run", "other")
 
 
+def test_logs_of_one_vehicle_get_one_sample_period(tmp_path):
+    """Two even logs at 100 and 50 Hz, and one whose stamps jitter around 55 Hz."""
+    uneven, shift = drive(400, 0.018), np.random.default_rng(0).uniform(0.0, 0.009, 400)
+    columns = {"fast": drive(400, 0.01), "slow": drive(200, 0.02)}
+    columns["uneven"] = uneven | {"t": uneven["t"] + shift}
+    paths = {name: write_csv(tmp_path / f"{name}.csv", own) for name, own in columns.items()}
+    fast, slow, jittering = read_logs(list(paths.values()))
+    assert fast.dt == slow.dt == jittering.dt == 0.02
+    assert slow.repairs == () and "thinned out from 0.01 to 0.02 s" in fast.repairs[0]
+    np.testing.assert_array_equal(fast["v_cmd"], columns["fast"]["v_cmd"][::2])
+    assert "resampled 400 unevenly spaced rows" in jittering.repairs[0]
+    assert Record.concatenate([fast, slow, jittering]).runs == ("fast", "slow", "uneven")
+    again = read_logs(list(paths.values())[:2], configured(tmp_path, "[prepare]\ndt = 0.04"))
+    assert [record.dt for record in again] == [0.04, 0.04]
+
+
 def test_runs_are_told_apart_by_their_column(tmp_path):
     one = drive(100)
     columns = {name: np.tile(values, 3) for name, values in one.items()}

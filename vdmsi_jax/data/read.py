@@ -6,6 +6,7 @@ evenly sampled segments of it.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -82,7 +83,8 @@ def read_logs(
 
     Returns:
         A record for each file, with different names: the file's, with its folder's before it where
-        two are alike.
+        two are alike. All have one sample period: that of `[prepare] dt`, or else the longest of
+        the logs' own.
 
     Raises:
         InputError: a log or the configuration is refused, or no file is given.
@@ -90,7 +92,7 @@ def read_logs(
     if not paths:
         raise InputError("logs", "", "no log is given", "give at least one file")
     files = [Path(path) for path in paths]
-    records = [read_log(file, config) for file in files]
+    records = _in_step([read_log(file, config) for file in files], files, config)
     names = [record.name for record in records]
     records = [
         record.renamed(f"{file.parent.name}/{record.name}")
@@ -99,6 +101,23 @@ def read_logs(
         for file, record in zip(files, records, strict=True)
     ]
     return in_session(records)
+
+
+def _in_step(
+    records: Sequence[Record], files: Sequence[Path], config: str | Path | Config | None
+) -> list[Record]:
+    """The records with the longest of their sample periods: those of other ones are read anew. Logs
+    with uneven stamps hardly ever agree by themselves."""
+    dt = max(record.dt for record in records)
+
+    def again(file: Path) -> Record:
+        own = config_of(file, config)
+        return read_log(file, replace(own, prepare=replace(own.prepare, dt=dt)))
+
+    return [
+        record if np.isclose(record.dt, dt, rtol=1e-9) else again(file)
+        for record, file in zip(records, files, strict=True)
+    ]
 
 
 def _open_table(path: Path) -> Table:
