@@ -25,6 +25,7 @@ _WEAK, _STRONG = 0.05, 0.5  # shares: below the first beside one above the secon
 _DOUBTFUL = 0.05  # share of a cause that makes the path no better, below which it is minor
 _CLEAR, _FEW = 2.0, 3  # standard errors, below which a parameter may be nothing; of so many
 _PUZZLE = 0.1  # share of the error without a cause that must puzzle beside it, to doubt its name
+_PERIODS = 6.0  # in the longest run, of a periodic disturbance beside what nothing explains
 _TURNS = 0.1  # s, below which a body's lag by its inertia is every vehicle's
 _DAMPED = 0.24  # ratio, from which a mode is rather two poles that the plant lacks
 _LIGHT, _ADDS = 0.15, 0.3  # ratio, and gain over the baseline, that a mode with more damping needs
@@ -84,6 +85,7 @@ class Weighing:
         small = share < MINOR or (beside and not leads)
         puzzling, disturbed = (x * (1.0 - share) > _PUZZLE for x in (puzzle, disturbance))
         small = small or not trial.believed(share, puzzling, disturbed)
+        small = small or (puzzling and self._wanders(found))
         imitated = trial.gain.typical <= 0.0 and self._imitated(cause, trial.gain)
         # the share of a delay is told against a plant without zeros, and says less
         doubted = share < _STRONG or cause.cause == "transport_delay"
@@ -119,6 +121,12 @@ class Weighing:
             return False
         late = cause.cause == "transport_delay" and backward(cause.search.baseline.hypothesis).size
         return not late and self.taken(gain.channel) <= 0.0
+
+    def _wanders(self, found: Finding) -> bool:
+        """Whether a period fits into the longest run so few times that any slow error has one."""
+        longest = self.runs.length * self.runs.dt
+        slow = found.cause == "periodic_disturbance"
+        return slow and found.parameters["frequency"].value * longest < _PERIODS
 
     def _negligible(self, found: Finding) -> bool:
         """Whether it is less than a body's or a plant's own: a sensor that is late by less than
