@@ -70,7 +70,7 @@ class Evidence:
             if trial.worth <= 0.0 or _rounds_too(cause, trial, rounded):
                 continue
             sure.append(cause)
-            found = self._finding(cause, trial, road)
+            found = self._finding(cause, trial, road, alone=len(trials) == 1)
             leads = weighing.leads(cause, trials)
             doubts = _doubt(puzzles, cause, trial), _doubt(disturbed, cause, trial)
             small = weighing.minor(cause, trial, found, *doubts, leads)
@@ -229,11 +229,13 @@ class Evidence:
         fast = scored.fast(use, self.runs.dt)
         return Trial(gain, predicted, worth if held else cause.statistic, steady, fast, faint)
 
-    def _finding(self, cause: Named, trial: Trial, road: Road | None) -> Finding:
+    def _finding(self, cause: Named, trial: Trial, road: Road | None, alone: bool) -> Finding:
         gain = trial.gain
         share = max(0.0, 1.0 - gain.mse_after / max(gain.mse_before, 1e-300))
         if road is not None:
             before, after = road.without(cause), road.extended_mean
+            if alone:  # the baseline, whose order may be another, is a model without it, too
+                before = min(before, road.mean(road.baseline))
             gain = replace(gain, ate_before=before, ate_after=after)
         open_ = [r for r in cause.rivals if r.indistinguishable]
         experiment = self._experiment(cause, open_) if open_ else None
