@@ -136,6 +136,17 @@ def test_logs_that_do_not_go_together_are_refused(logs):
         vj.diagnose([*logs, other])
 
 
+def test_a_copy_of_a_drive_does_not_judge_it():
+    rng = np.random.default_rng(0)
+    u = np.repeat(rng.normal(size=20), 20)
+    lag = np.convolve(u, 0.2 * 0.8 ** np.arange(40))[:400] + 0.01 * rng.normal(size=400)
+    plant = vj.PlantSpec("motor", "u", "w")
+    log = vj.Record.from_arrays(dt=0.05, name="log", u=u, w=lag, plants=(plant,))
+    found = vj.diagnose([log, log.renamed("copy")])
+    assert found.unseen[0] == "copy holds what log holds and was left out."
+    assert [r.name for r in found.records] == ["log"]
+
+
 def test_a_log_that_answers_to_nothing_is_refused():
     lonely = vj.Record.from_arrays(dt=0.02, name="lonely", v=np.sin(np.arange(500) * 0.01))
     with pytest.raises(vj.InputError, match="command"):

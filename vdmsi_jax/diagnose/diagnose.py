@@ -59,7 +59,8 @@ def _diagnose(
     told: Callable[[str], None] | None,
 ) -> Diagnosis:
     several = [records] if isinstance(records, Record) else list(records)
-    several = [slower(record) for record in _alike(several, vehicle)]
+    several, copies = _once(_alike(several, vehicle))
+    several = [slower(record) for record in several]
     if not any(record.session for record in several):
         several = in_session(several)
     say = told or (lambda _: None)
@@ -75,7 +76,7 @@ def _diagnose(
         say("the logs that judge show what the others do not: fitting a part of each")
         parts = _evidence(several, lay_out(several, whole=False), plants, noise, say).diagnosis()
         found = max(found, parts, key=lambda d: len(d.findings))
-    return found
+    return replace(found, unseen=(*copies, *found.unseen))
 
 
 def _evidence(
@@ -122,6 +123,26 @@ def _alike(records: list[Record], vehicle: VehicleGeometry | None) -> list[Recor
             problem = f"sampled every {record.dt:g} s, but {first.name} every {first.dt:g} s"
             raise InputError(record.name, "dt", problem, "set the same [prepare] dt for all logs")
     return [replace(r, vehicle=r.vehicle or vehicle) for r in records]
+
+
+def _once(records: list[Record]) -> tuple[list[Record], list[str]]:
+    """The records without copies, whose noise is no noise beside their originals', and what is left
+    out."""
+    kept: list[Record] = []
+    told = []
+    for record in records:
+        same = next((other for other in kept if _same(record, other)), None)
+        if same is None:
+            kept.append(record)
+        else:
+            told.append(f"{record.name} holds what {same.name} holds and was left out.")
+    return kept, told
+
+
+def _same(one: Record, other: Record) -> bool:
+    """Whether two records hold the same numbers."""
+    alike = one.n == other.n and one.channels.keys() == other.channels.keys()
+    return alike and all(np.array_equal(one[c], other[c]) for c in one.channels)
 
 
 def plants_of(records: Sequence[Record]) -> list[PlantSpec]:
