@@ -3,9 +3,10 @@ is told."""
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from small_logs import drive, write_csv
-from vdmsi_jax.config import Config, Prepare, Select, load_config
+from vdmsi_jax.config import Config, PlantSpec, Prepare, Select, load_config
 from vdmsi_jax.data import read_log
 from vdmsi_jax.data.resample import antialias, sample_period
 from vdmsi_jax.errors import InputError
@@ -89,16 +90,43 @@ def test_uneven_rows_are_resampled_each_channel_by_its_rule(tmp_path):
     # linear interpolation of sin(2 t) between stamps up to h apart is off by h²·2²/8
     np.testing.assert_allclose(log["v"], truth["v"], atol=0.014**2 * 4 / 8)
     np.testing.assert_allclose(log["delta"], truth["delta"], atol=0.2 * 0.014**2 * 9 / 8)
-    older = np.searchsorted(t, log.t + 1e-9, side="right") - 1
-    np.testing.assert_array_equal(log["v_cmd"], clean(t)["v_cmd"][older])
-    assert np.all(np.isin(log["v_cmd"], np.unique(clean(t)["v_cmd"])))  # never between two commands
+    within = log.t[:-1, None] + 1e-5 * (np.arange(1000) + 0.5)  # of a command that is held
+    held = clean(t)["v_cmd"][np.searchsorted(t, within, side="right") - 1].mean(axis=1)
+    np.testing.assert_allclose(log["v_cmd"][:-1], held, atol=2e-3)
+    assert np.mean(np.isin(log["v_cmd"], np.unique(clean(t)["v_cmd"]))) > 0.9  # it steps rarely
+
+
+def test_a_plant_answers_alike_when_its_log_is_thinned_out(tmp_path):
+    """Steps between the longer rows are not late: a lag of 0.1 s from 100 to 20 Hz."""
+    t = 0.01 * np.arange(3000)
+    u = np.random.default_rng(2).normal(size=400)[np.cumsum(np.arange(3000) % 13 == 0) - 1]
+    y = lfilter([0.0, 1.0 - np.exp(-0.1)], [1.0, -np.exp(-0.1)], u)
+    log = read(tmp_path, {"t": t, "v_cmd": u, "v": y}, dt=0.05)
+    pole = np.exp(-0.5)
+    of_means, of_samples = (
+        np.std(lfilter([0.0, 1.0 - pole], [1.0, -pole], command) - log["v"])
+        for command in (log["v_cmd"], u[::5])
+    )
+    assert of_means < 0.1 * y.std() < 0.3 * of_samples
+
+
+def test_the_input_of_a_plant_is_held_whatever_its_name(tmp_path):
+    t = np.cumsum(np.random.default_rng(1).uniform(0.6, 1.4, 500))
+    pump, level = np.floor(t / 40.0) % 3.0, np.sin(t / 20.0)
+    config = Config(plants=(PlantSpec("tank", "pump", "level"),))
+    log = read_log(write_csv(tmp_path / "run.csv", {"t": t, "pump": pump, "level": level}), config)
+    assert np.mean(np.isin(log["pump"], [0.0, 1.0, 2.0])) > 0.95  # no ramps between its levels
+    assert np.mean(np.isin(log["level"], level)) < 0.05
 
 
 def test_a_channel_can_be_held_by_name(tmp_path):
     t = np.cumsum(np.random.default_rng(1).uniform(0.006, 0.014, 500))
     columns = {"t": t, "v": np.floor(5 * t), "v_cmd": t}
-    assert np.all(read(tmp_path, columns, hold=("v",))["v"] % 1.0 == 0.0)
-    assert np.any(read(tmp_path, columns)["v"] % 1.0 != 0.0)
+    held, free = (read(tmp_path, columns, hold=hold)["v"] for hold in (("v",), ()))
+    assert np.any(held != free)
+    before = np.searchsorted(t, 0.01 * np.arange(len(held)) + t[0] + 1e-9, side="right") - 1
+    at_rest = np.floor(5 * t)[before] == np.floor(5 * t)[np.minimum(before + 2, t.size - 1)]
+    np.testing.assert_array_equal(held[at_rest], np.floor(5 * t)[before][at_rest])
 
 
 def test_a_missing_row_is_filled_and_marked(tmp_path):

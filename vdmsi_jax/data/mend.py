@@ -272,5 +272,7 @@ def stretches(fresh: np.ndarray) -> list[tuple[int, int]]:
 
 
 def is_held(channel: str, config: Config) -> bool:
-    """Whether a channel is a command, which keeps its value between rows."""
-    return channel.endswith("_cmd") or channel in config.prepare.hold
+    """Whether a channel is a command, which keeps its value between rows: by its name, or as the
+    input of a plant that is no measurement of a vehicle."""
+    inputs = {plant.input for plant in config.plants} - set(config.canonical)
+    return channel.endswith("_cmd") or channel in config.prepare.hold or channel in inputs

@@ -164,12 +164,12 @@ def _tell_sampling(rows: Rows, grids: list[Grid], period: float, dt: float) -> N
             f"resampled {sum(grid.position.size for grid in uneven)} unevenly spaced rows (steps "
             f"of {steps.min():.3g} to {steps.max():.3g} s) to "
             f"{sum(grid.samples for grid in uneven)} samples at {dt:g} s: commands held, "
-            f"measurements interpolated"
+            f"their means over a sample taken, measurements interpolated"
         )
     if grids[0].every > 1:
         rows.told.append(
             f"thinned out from {period:g} to {dt:g} s: measurements were low-passed below "
-            f"{0.5 / dt:g} Hz first, commands held"
+            f"{0.5 / dt:g} Hz first, of commands the means over a sample were taken"
         )
     if absent := sum(int(grid.absent.sum()) for grid in grids):
         rows.told.append(

@@ -1,9 +1,10 @@
 """From time stamps to an even grid: what the sample period is, whether the log is even, and how to
 make it so.
 
-Commands are held: between two rows the older one counts. Measurements are interpolated linearly;
-where the grid is coarser than the log, they pass a low-pass first (`antialias`). Samples that were
-even already are taken as they are.
+Commands are held: between two rows the older one counts, and a sample is the mean of what is held
+until the next, since a plant answers to that: a command that changes in between is not late.
+Measurements are interpolated linearly; where the grid is coarser than the log, they pass a low-pass
+first (`antialias`). Samples that were even already are taken as they are.
 """
 
 from dataclasses import dataclass
@@ -137,8 +138,16 @@ def make_grid(t: Float[np.ndarray, " rows"], logged: float, dt: float, jitter: f
 
 
 def hold(grid: Grid, values: Float[np.ndarray, " rows"]) -> Float[np.ndarray, " samples"]:
-    """A command on the grid: the last row at or before each sample."""
-    return values[_row_before(grid)][:: grid.every]
+    """A command on the grid: the mean, from each sample to the next, of the last row."""
+    first = values[_row_before(grid)][:: grid.every]
+    if grid.even and grid.every == 1:
+        return first
+    last = max(grid.samples * grid.every, grid.position[-1] + 1.0)
+    knots = np.append(grid.position, last)
+    total = np.concatenate([[0.0], np.cumsum(values * np.diff(knots))])
+    edges = grid.every * np.arange(grid.samples + 1)
+    mean = np.diff(np.interp(edges, knots, total)) / grid.every
+    return np.where(np.abs(mean - first) > 1e-9 * np.ptp(values), mean, first)  # up to rounding
 
 
 def interpolate(grid: Grid, values: Float[np.ndarray, " rows"]) -> Float[np.ndarray, " samples"]:
