@@ -119,6 +119,22 @@ def pulled_back(gap: float, pace: float) -> Cause:
     return Cause(response=play)
 
 
+def coasting(gap: float, rest: float) -> Cause:
+    """Play whose output keeps its speed in the gap, but for a damper: Euler."""
+
+    def play(y, d):
+        out, at, speed, before = np.empty_like(y), y[0], 0.0, y[0]
+        for k, now in enumerate(y.tolist()):
+            speed -= MS / rest * speed
+            at += MS * speed
+            if abs(at - now) > gap / 2:
+                at, speed = now + math.copysign(gap / 2, at - now), (now - before) / MS
+            out[k], before = at, now
+        return out
+
+    return Cause(response=play)
+
+
 def slack(gap: float) -> Cause:
     """Play in what the command moves first."""
     return Cause(rows=backlash(gap).response)

@@ -125,6 +125,9 @@ CASES = {
     "LoadedBacklash load": Case(
         plain.pulled_back(0.38, 1.3), (0.38, 1.3), (0.05, 0.1), second_order=True, ragged=True
     ),
+    "CoastingBacklash inertia": Case(
+        plain.coasting(0.38, 0.3), (0.38, 0.3), (0.05, 0.1), second_order=True, ragged=True
+    ),
     "PeriodicDisturbance": Case(plain.hum(0.81, 0.2, -0.15), (0.81, 0.2, -0.15), screened=True),
     "Offset": Case(plain.added(-0.21), (-0.21,)),
 }

@@ -26,6 +26,7 @@ _FORMS = {
     ("at", "corner"): "of the command, with a round corner",
     ("at", "stop"): "of the response, by an end stop",
     ("at", "load"): "of the response, which a load pulls back",
+    ("at", "inertia"): "of the response, whose load coasts on",
     ("by", "sign"): "alike to both sides",
     ("by", "skew"): "to one side",
     ("by", "command"): "by the sign of the command",

@@ -1,6 +1,6 @@
 """The causes that the project knows: one file each, one line of the registry each."""
 
-from vdmsi_jax.effects.backlash import Backlash, LoadedBacklash
+from vdmsi_jax.effects.backlash import Backlash, CoastingBacklash, LoadedBacklash
 from vdmsi_jax.effects.bank import Bank
 from vdmsi_jax.effects.base import AbstractEffect as AbstractEffect
 from vdmsi_jax.effects.base import Effort as Effort
@@ -66,6 +66,7 @@ ACTUATOR: tuple[AbstractEffect, ...] = (
     Saturation(at="response"),
     Backlash(at="response"),
     LoadedBacklash(),
+    CoastingBacklash(),
     PeriodicDisturbance(),
     Offset(),
 )

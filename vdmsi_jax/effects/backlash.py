@@ -68,6 +68,44 @@ class LoadedBacklash(AbstractEffect):
         return _played(y, self.gap, jnp.exp(-self.centring * signals.h))
 
 
+class CoastingBacklash(AbstractEffect):
+    """Play of a load with inertia and little friction, as of wheels on a loose tie rod: where what
+    drives it slows down, it coasts on through the gap, ever slower, and may come to rest at the
+    side ahead. What hits a side takes its speed (an inelastic contact).
+
+    Attributes:
+        at: what plays.
+
+    Source: Nordin and Gutman, Controlling mechanical systems with backlash (2002), the model with
+    inertia, whose load a damper brakes.
+    """
+
+    cause: ClassVar[str] = "backlash"
+
+    gap: Float[Array, ""] = parameter("response", "full width of the play", lower=0.0)
+    coasting: Float[Array, ""] = parameter("s", "time in which the load comes to rest", lower=0.0)
+    at: Literal["inertia"] = eqx.field(static=True, default="inertia")
+
+    def probes(self, scales: Scales) -> list[tuple[float, ...]]:
+        # where it comes to rest jumps with both, so that no fit gets far
+        times = [k * scales.time_constant for k in (0.35, 0.7, 1.2, 2.0)]
+        return [(k * scales.response, t) for k in (0.03, 0.05, 0.08, 0.12, 0.2) for t in times]
+
+    def output(self, y: Float[Array, " M"], signals: Signals) -> Float[Array, " M"]:
+        half, on = 0.5 * self.gap, self.coasting > 0.0
+        kept = jnp.where(on, jnp.exp(-signals.h / jnp.where(on, self.coasting, 1.0)), 0.0)
+
+        def follow(load: tuple[Array, ...], y: Array) -> tuple[tuple[Array, ...], Array]:
+            rest, step, before = load
+            free = rest + kept * step
+            inside = jnp.where(half > 0.0, free, y)
+            low = jnp.where(y > free, jnp.maximum(free, y - half), inside)
+            new = jnp.where(y < free, jnp.minimum(free, y + half), low)
+            return (new, jnp.where(new == free, kept * step, y - before), y), new
+
+        return lax.scan(follow, (y[0], jnp.zeros_like(y[0]), y[0]), y)[1]
+
+
 def _played(
     y: Float[Array, " M"], gap: Float[Array, ""], kept: Float[ArrayLike, ""] = 1.0
 ) -> Float[Array, " M"]:
