@@ -30,6 +30,9 @@ _ANOTHER = (
 )
 _JUMPS = 10.0  # `disturbance.scores` of events, from which a pose surely jumps: clean drives of two
 # exams had up to 7.8, jumps of a satellite receiver 13
+_PEAKED = (
+    10.0  # kurtosis of its innovations, from which half of it tells: clean drives had up to 5.8
+)
 _MANY = 30_000  # samples, beyond which kinds of error are asked by means of several
 
 Question = tuple[np.ndarray, np.ndarray, list[Family], np.ndarray, np.ndarray, float]
@@ -224,7 +227,9 @@ def jumps_of_pose(names: tuple[str, ...], found: BodySearch) -> list[Unexplained
             known = body.mask[c] | body.held_out[c]
             e, white = _left(body, final, c)
             moves = known & moving(body.v, known)
-            sure = scores(e, np.empty((0, *e.shape)), moves, body.dt)[1] > _JUMPS
+            rare = scores(e, np.empty((0, *e.shape)), moves, body.dt)[1]
+            peaked = np.mean(white[known] ** 4) > _PEAKED * np.mean(white[known] ** 2) ** 2
+            sure = rare > (0.5 if peaked else 1.0) * _JUMPS
             jumps = events("pose", e, white, known, names, body.dt, sure)
             left += [replace(u, size=SMALL) for u in jumps]
     return sorted(left, key=lambda u: -u.fraction)[:1]

@@ -21,11 +21,13 @@ a significant cause is minor: cars on a physics engine, whose causes are none, r
 _MUCH, _POINTS, _CERTAIN = 0.2, 2.0, 500.0  # of what all others leave, of FIT, and of twice the
 # log-likelihood: from either one a cause matters however small it is beside them; of eight blind
 # exams wrong names so small had up to 0.02, 0.1 and 220, right ones 0.23, 0.5 and 500
-_WEAK, _STRONG = 0.05, 0.5  # shares: below the first beside one above the second a cause is minor
+_WEAK, _STRONG = 0.05, 0.5  # shares: below the first beside one above the second a cause is minor,
+_FAINT = 100.0  # and below twice the first, where twice its log-likelihood is below this
 _DOUBTFUL = 0.05  # share of a cause that makes the path no better, below which it is minor
 _CLEAR, _FEW = 2.0, 3  # standard errors, below which a parameter may be nothing; of so many
 _PUZZLE = 0.1  # share of the error without a cause that must puzzle beside it, to doubt its name
 _PERIODS = 6.0  # in the longest run, of a periodic disturbance beside what nothing explains
+_BUS, _LATE = 0.02, 2.5  # s and points of FIT, below which both a delay is every bus's
 _TURNS = 0.1  # s, below which a body's lag by its inertia is every vehicle's
 _DAMPED = 0.24  # ratio, from which a mode is rather two poles that the plant lacks
 _LIGHT, _ADDS = 0.15, 0.3  # ratio, and gain over the baseline, that a mode with more damping needs
@@ -131,8 +133,8 @@ class Weighing:
     def _negligible(self, found: Finding) -> bool:
         """Whether it is less than a body's or a plant's own: a sensor that is late by less than
         half a sample, tyres by less than one that tell little, a body that turns with its tyres, a
-        response that is early, a mode that poles of the baseline tell as well; or a small gain in
-        one channel that is none on the road.
+        response that is early or late by what every bus takes, a mode that poles of the baseline
+        tell as well; or a small gain in one channel that is none on the road.
         """
         value, dt = next(iter(found.parameters.values())).value, self.runs.dt
         none, g = False, found.gain
@@ -144,7 +146,7 @@ class Weighing:
         elif found.cause == "yaw_inertia":
             none = value * float(np.mean(np.abs(self.runs.channel("v")))) < _TURNS
         elif found.cause == "transport_delay":
-            none = value < 0.0
+            none = value < 0.0 or (value < _BUS and g.after - g.before < _LATE)
         elif found.cause == "resonance":
             damping = found.parameters["damping"].value
             none = damping > _DAMPED or (damping > _LIGHT and self.taken(g.channel) < _ADDS)
@@ -165,5 +167,7 @@ def _vague(cause: Named, found: Finding) -> bool:
 
 
 def overshadowed(found: Finding, findings: Sequence[Finding]) -> bool:
-    """Whether it is next to nothing beside a strong finding."""
-    return found.share < _WEAK and any(f.share > _STRONG for f in findings)
+    """Whether it is next to nothing beside a strong finding, whose form it may mend: a fade that is
+    not quite straight, a part that is not quite a formula."""
+    weak = _WEAK if found.statistic >= _FAINT else 2.0 * _WEAK
+    return found.share < weak and any(f.share > _STRONG for f in findings)
