@@ -13,7 +13,7 @@ from .result import Gain
 from .windows import BLOCK, SLOW, block_sums, moving_mean
 
 _STEADY, _VERY_STEADY = 2.0, 3.0  # standard errors by blocks
-_MUCH, _MOST, _NEARLY_ALL = 0.25, 0.5, 0.85  # share of the squared error
+_MUCH, _MOST, NEARLY_ALL = 0.25, 0.5, 0.85  # share of the squared error
 _USUAL = 0.7  # share of the blocks that get better
 _FAST = 0.5  # share of a change in what is not slow
 _FAINT = 0.25  # of what it does where it was fitted, below which data held out hardly show a cause
@@ -92,7 +92,7 @@ class Trial:
         if puzzling:
             sharp = self.fast > _FAST and share > _MOST and plain > _VERY_STEADY
             lasting = self.steady > _VERY_STEADY and (share > _MUCH or self.gain.typical > 0.0)
-            return sharp or share > _NEARLY_ALL or lasting
+            return sharp or share > NEARLY_ALL or lasting
         much = _MOST if disturbed else _MUCH
         return share > much or max(self.steady, plain) > _STEADY or (self.faint and not disturbed)
 

@@ -35,7 +35,8 @@ _LIGHT, _NAME = 0.15, 20.0  # damping of a mode, and what its name may cost
 _LITTLE = 0.02  # of what the poles are worth that tell a mode, which its name may cost
 _TOLD = 10.0  # what a pole for a delay may cost
 _MENDS = 0.06  # of what other causes are worth, likewise
-_GROWS = 50.0  # that a cause in a small plant must gain for larger ones to be tried with it
+_GROWS, _GROWN = 50.0, 3  # what a cause in a small plant must gain for larger ones to be tried with
+# it, and how many causes or forms are
 _REACH = 60.0  # that a candidate may lie behind the best after a few steps
 _PATIENT = 5  # rounds of a refit whose way is long
 
@@ -123,7 +124,7 @@ def _strongest(
     picked: dict[tuple[int, ...], Refit] = {}
     for _, f in sorted(gained, key=lambda pair: -pair[0]):
         picked.setdefault(f.hypothesis.active, f)
-    return list(picked.values())[:2]
+    return list(picked.values())[:_GROWN]
 
 
 def _waits(stage: Stage, h: Hypothesis) -> bool:

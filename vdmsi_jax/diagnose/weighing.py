@@ -8,7 +8,7 @@ import numpy as np
 
 from ..config import PlantSpec
 from .found import Search
-from .judge import Trial
+from .judge import NEARLY_ALL, Trial
 from .naming import Named
 from .prepare import Runs
 from .result import ChannelScore, Finding, Gain
@@ -87,7 +87,7 @@ class Weighing:
         small = share < MINOR or (beside and not leads)
         puzzling, disturbed = (x * (1.0 - share) > _PUZZLE for x in (puzzle, disturbance))
         small = small or not trial.believed(share, puzzling, disturbed)
-        small = small or (puzzling and self._wanders(found))
+        small = small or (puzzling and cause.search is not None and self._wanders(found))
         imitated = trial.gain.typical <= 0.0 and self._imitated(cause, trial.gain)
         # the share of a delay is told against a plant without zeros, and says less
         doubted = share < _STRONG or cause.cause == "transport_delay"
@@ -125,7 +125,10 @@ class Weighing:
         return not late and self.taken(gain.channel) <= 0.0
 
     def _wanders(self, found: Finding) -> bool:
-        """Whether a period fits into the longest run so few times that any slow error has one."""
+        """Whether any slow error has what it tells: a mean that is not nearly all of it, or a
+        period that fits into the longest run only a few times."""
+        if found.cause == "offset":
+            return found.share < NEARLY_ALL
         longest = self.runs.length * self.runs.dt
         slow = found.cause == "periodic_disturbance"
         return slow and found.parameters["frequency"].value * longest < _PERIODS
