@@ -18,6 +18,7 @@ from jaxtyping import Array
 
 from vdmsi_jax.identify.equation_error import equation_error
 from vdmsi_jax.identify.layout import Samples
+from vdmsi_jax.identify.pairs import promising_pairs
 from vdmsi_jax.identify.refine import Candidate, Judged, judge, refine
 from vdmsi_jax.identify.response import N_MAX, Details, Order, detail
 
@@ -25,7 +26,8 @@ _CUTOFFS = (1.0, 4.0)  # of the first filters, in units of the pole of the best 
 _NEW_POLES = (0.5, 5.0)  # where a nested start puts its extra pole, in the same units
 _FASTEST = (20.0, 200.0)  # or, times the sampling period, where it acts at once
 _NEW_PAIRS = (1.8, 4.0)  # and a lightly damped pair of poles, near the sampling frequency
-_STARTS = 2  # how many of an order's candidates are refined
+_LINES = 12  # and so many where the residual has lines
+_STARTS, _AGAIN = 5, 2  # how many of an order's candidates are refined, and from a known point
 _PROMISING = 1.01  # residual, relative to the order's best, of a start that is worth refining
 _ROUNDS = 12
 _GAIN = 1e-4  # relative fall of the residual for which an order's neighbours start again from it
@@ -80,7 +82,9 @@ class Search:
             for cutoff in (_CUTOFFS if delay == delays[0] else _CUTOFFS[-1:])
             for order in self.orders
         ]
-        return self._settle(self._improve({}, self._run("equation_error", starts)))
+        return self._settle(
+            self._improve({}, self._run("equation_error", starts)), lines=_LINES, most=_STARTS
+        )
 
     def _look_over(self, delays: Sequence[float]) -> list[float]:
         """The best delays of an order of some freedom, on a grid up to the longest of `delays`.
@@ -96,15 +100,19 @@ class Search:
         return [p.d for p in sorted(judged, key=lambda point: point.cost)[:2]]
 
     def settle(self, points: Iterable[Point]) -> dict[tuple[int, int], Point]:
-        """The best found for every order, from one point of each."""
-        return self._settle(self._improve({}, list(points)))
+        """The best found for every order, from one point of each, which is near it."""
+        return self._settle(self._improve({}, list(points)), lines=0, most=_AGAIN)
 
-    def _settle(self, best: dict[tuple[int, int], Point]) -> dict[tuple[int, int], Point]:
-        """Refine every order, and from its neighbours, until none gains."""
+    def _settle(
+        self, best: dict[tuple[int, int], Point], *, lines: int, most: int
+    ) -> dict[tuple[int, int], Point]:
+        """Refine every order, and from the `most` promising of its neighbours, until none gains;
+        with a pair of poles at so many `lines` of what they leave."""
         changed = set(self.orders)
         for _ in range(_ROUNDS):
             before = best
-            best = self._improve(best, self._nested(best, changed), again=changed)
+            starts = self._nested(best, changed, lines)
+            best = self._improve(best, starts, most=most, again=changed)
             changed = {o for o in self.orders if best[o].cost < before[o].cost * (1 - _GAIN)}
             if not changed:
                 break
@@ -115,9 +123,10 @@ class Search:
         best: dict[tuple[int, int], Point],
         candidates: list[Point],
         *,
+        most: int = _STARTS,
         again: Iterable[tuple[int, int]] = (),
     ) -> dict[tuple[int, int], Point]:
-        """Refine the most promising candidates of each order, the orders `again` also from their
+        """Refine the `most` promising candidates of each order, the orders `again` also from their
         best, and keep the better."""
         judged = [
             point
@@ -127,7 +136,7 @@ class Search:
         judged = sorted(judged + [best[o] for o in again], key=lambda point: point.cost)
         chosen: list[Point] = []
         for order in self.orders:
-            chosen += _distinct([p for p in judged if p.order == order])[:_STARTS]
+            chosen += _distinct([p for p in judged if p.order == order])[:most]
         best = dict(best)
         for point in judged + self._run("refine", chosen):
             if point.order not in best or point.cost < best[point.order].cost:
@@ -135,9 +144,9 @@ class Search:
         return best
 
     def _nested(
-        self, best: dict[tuple[int, int], Point], changed: set[tuple[int, int]]
+        self, best: dict[tuple[int, int], Point], changed: set[tuple[int, int]], lines: int
     ) -> list[Point]:
-        """Starts of each order from its neighbours with a zero or a pole less that have changed."""
+        """Starts of each order from its neighbours with less that have changed."""
         new_poles = (*_NEW_POLES, *(pole / float(self.samples.dt) for pole in _FASTEST))
         candidates = []
         for n, m in self.orders:
@@ -156,16 +165,39 @@ class Search:
                     candidates += [
                         Point((n, m), _with_pole(point.a, n - 1, p), delay) for p in new_poles
                     ]
-            for smaller in ((n - 2, m), (n - 2, m - 2)):
-                if smaller in changed:
-                    point = best[smaller]
-                    candidates += [
-                        Point(
-                            (n, m), _with_pair(point.a, n - 2, w / float(self.samples.dt)), point.d
-                        )
-                        for w in _NEW_PAIRS
-                    ]
-        return candidates
+        return candidates + self._with_pairs(best, changed, lines)
+
+    def _with_pairs(
+        self, best: dict[tuple[int, int], Point], changed: set[tuple[int, int]], lines: int
+    ) -> list[Point]:
+        """Starts from orders with two poles less, or two poles and two zeros, that have changed."""
+        dt = float(self.samples.dt)
+        fixed = [complex(-0.05 * w, w) / dt for w in _NEW_PAIRS]
+        links = [
+            (best[n - 2, m - zeros], zeros)
+            for n, m in self.orders
+            for zeros in (0, 2)
+            if (n - 2, m - zeros) in changed
+        ]
+        if not links or not lines:
+            return [_paired(point, zeros, p) for point, zeros in links for p in fixed]
+        points = list({p.order: p for p, _ in links}.values())
+        ones = jnp.ones(self.samples.n_segments, self.samples.u.dtype)
+        details = simulate_points(
+            self.samples, ones, points, delay=self.has_delay, offset=self.offset
+        )
+        known = dict(zip((p.order for p in points), details, strict=True))
+        u, y, weight = (
+            np.asarray(x).reshape(-1) for x in (self.samples.u, self.samples.y, self.samples.weight)
+        )
+        starts = []
+        for point, zeros in links:
+            own, (n, m) = known[point.order], point.order
+            num, den = np.asarray(own.beta)[m::-1], np.append(1.0, point.a[:n][::-1])
+            left = (y - own.predicted.reshape(-1)) * weight
+            pairs = promising_pairs(u, left, dt, num, den, zeros, lines if n > 1 else 1)
+            starts += [_paired(point, zeros, p) for p in (*fixed, *pairs)]
+        return starts
 
     def _run(self, name: str, points: list[Point]) -> list[Point]:
         """What a program makes of all points, a batch at a time."""
@@ -186,7 +218,7 @@ def simulate_points(
     samples: Samples, fitted: Array, points: Sequence[Point], *, delay: bool, offset: bool
 ) -> list[Details]:
     """`detail` of each point, as NumPy arrays, a few at a time where the record is long."""
-    lanes = _fitting_lanes(samples, len(points))
+    lanes = _fitting_lanes(samples, _LANES if len(points) > 1 else 1)  # few sizes to compile
     found = []
     for first in range(0, len(points), lanes):
         part = list(points[first : first + lanes])
@@ -243,10 +275,12 @@ def _distinct(points: list[Point]) -> list[Point]:
     return kept
 
 
-def _with_pair(a: np.ndarray, n: int, frequency: float) -> np.ndarray:
-    """Coefficients ascending of (s^n + ... + a_0) (s^2 + 0.1 w s + w^2), padded to N_MAX."""
-    product = np.convolve(np.append(a[:n], 1.0), [frequency**2, 0.1 * frequency, 1.0])[: n + 2]
-    return np.pad(product, (0, N_MAX - n - 2))
+def _paired(point: Point, zeros: int, pole: complex) -> Point:
+    """A point with a pole and its conjugate more, and so many zeros."""
+    n, m = point.order
+    pair = [abs(pole) ** 2, -2.0 * pole.real, 1.0]
+    a = np.convolve(np.append(point.a[:n], 1.0), pair)[: n + 2]
+    return Point((n + 2, m + zeros), np.pad(a, (0, N_MAX - n - 2)), point.d)
 
 
 def _filter(cutoff: float, n: int) -> np.ndarray:
