@@ -127,6 +127,37 @@ def test_friction_in_a_servo_behind_a_lag_is_no_play():
     assert all(r.deficit > 50.0 for r in backlash)
 
 
+def pendulum(seed: int, friction: float, seconds: float = 6.0):
+    """One log at 200 Hz of a weak position servo that carries a pendulum, two sines asked of it:
+    its weight bends the response, dry friction holds it, its sensor has steps."""
+    rng = np.random.default_rng(seed)
+    dt, h, w = 0.005, 0.0005, 2.0 * np.pi * 2.5
+    t = dt * np.arange(round(seconds / dt))
+    frequency = 1.1 + 0.1 * rng.random()
+    u = 0.9 * np.sin(np.pi * t) + 0.9 * np.sin(2.0 * np.pi * frequency * t + rng.uniform(0.0, 6.0))
+    x = v = 0.0
+    y = []
+    for command in u:
+        y.append(x)
+        for _ in range(10):
+            v += h * w * (w * (command - x) - 0.5 * w * np.sin(x) - 1.4 * v)
+            v -= np.clip(v, -h * w * w * friction, h * w * w * friction)
+            x += h * v
+    y = np.round((np.asarray(y) + 5e-4 * rng.standard_normal(len(u))) / 0.0015) * 0.0015
+    plant = vj.PlantSpec("servo", "u", "y")
+    return [vj.Record.from_arrays(dt=dt, name="run", plants=(plant,), u=u, y=y)]
+
+
+@pytest.mark.parametrize("seed", [2, pytest.param(1, marks=pytest.mark.slow)])
+def test_friction_is_found_beside_the_weight_that_a_weak_servo_carries(seed):
+    """Nothing fits before friction is in: of linear plants one whose error a colour of noise takes
+    scores best (seed 1), and a refit that stops early leaves friction behind."""
+    found = vj.diagnose(pendulum(seed, friction=0.15))
+    (friction,) = (f for f in found.findings if f.cause == "coulomb_friction")
+    assert friction.parameters["level"].value == pytest.approx(0.15, abs=0.012)
+    assert found.extended["y"].fit > 96.0 > found.channels["y"].fit + 3.0
+
+
 def test_a_limit_that_is_never_reached_is_not_told():
     rng = np.random.default_rng(5)
     plant, made = vj.PlantSpec("servo", "u", "y"), []

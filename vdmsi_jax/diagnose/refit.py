@@ -23,6 +23,7 @@ from .windows import inverse
 _STEP = 1e-4  # of a parameter's usual size, for differences
 _SETTLED = 0.05  # gain of twice the log-likelihood by a step after which a lane rests
 _HELPS = 2.0  # gain above which steps make slopes old, and old ones still help
+_FAR = 10.0  # gain of a round, above which another follows
 _FEW = 8  # lanes, for which differences cost next to nothing
 _DAMPINGS = (0.1, 3.0, 100.0)
 BEYOND = 8  # reaches of the whitening filter, over which residuals count as one sample
@@ -138,6 +139,7 @@ def refit(
     hypotheses: Sequence[Hypothesis],
     rounds: int = 3,
     steps: int = 3,
+    further: int = 6,
     worth: Callable[[Hypothesis, float], float] | None = None,
     reach: float = np.inf,
 ) -> list[Refit]:
@@ -148,6 +150,7 @@ def refit(
         hypotheses: with starting values.
         rounds: how often the colour is estimated anew.
         steps: steps of Levenberg-Marquardt between.
+        further: rounds more for those that the last one still took far.
         worth: of a hypothesis and its log-likelihood; with it, those that are more than `reach`
             below the best after the first round are given up, and missing in the answer.
         reach: see `worth`.
@@ -163,21 +166,40 @@ def refit(
         for h, y in zip(hypotheses, start, strict=True)
     ]
     _recolour(stage, lanes, counted)
-    for k in range(rounds):
-        for lane in lanes:
-            lane.cost = float(project(stage, lane, counted, lane.white_error[None])[0, 0])
-            lane.cost += unlikely(stage, lane, counted, lane.hypothesis.theta)
-            lane.settled = False
-        for _ in range(steps):
-            moving = [lane for lane in lanes if not lane.settled]
-            if moving:
-                _advance(stage, moving, counted)
-        _recolour(stage, lanes, counted)
+    under_way = lanes
+    for k in range(rounds + further):
+        gained = _round(stage, under_way, counted, steps)
         if worth is not None and k == 0:
             values = [worth(f.hypothesis, f.loglik) for f in _finish(stage, lanes, counted)]
             most = max(values)
             lanes = [x for x, v in zip(lanes, values, strict=True) if v >= most - reach]
+            under_way = lanes
+        elif k + 1 >= rounds:
+            under_way = [x for x, g in zip(under_way, gained, strict=True) if g > _FAR]
+        if not under_way:
+            break
     return _finish(stage, lanes, counted)
+
+
+def _round(stage: Stage, lanes: list[Lane], counted: np.ndarray, steps: int) -> list[float]:
+    """Some steps of every lane and a new estimate of its colour; what the steps gained, in twice
+    the log-likelihood."""
+    before = []
+    for lane in lanes:
+        lane.cost = float(project(stage, lane, counted, lane.white_error[None])[0, 0])
+        lane.cost += unlikely(stage, lane, counted, lane.hypothesis.theta)
+        lane.settled = False
+        before.append(lane.cost)
+    for _ in range(steps):
+        moving = [lane for lane in lanes if not lane.settled]
+        if moving:
+            _advance(stage, moving, counted)
+    gained = [
+        float(counted.sum() * np.log(cost / max(lane.cost, 1e-300)))
+        for cost, lane in zip(before, lanes, strict=True)
+    ]
+    _recolour(stage, lanes, counted)
+    return gained
 
 
 def _begun(stage: Stage, h: Hypothesis) -> Hypothesis:

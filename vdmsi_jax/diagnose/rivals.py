@@ -35,7 +35,7 @@ def findings_of(
         gain = 2.0 * (final.loglik - less.loglik)
         screened = screen(stage, less, fine=stage.slots[number].cause in RAGGED)
         probes = [joined(less.hypothesis, c) for c in screened if c.number == number]
-        promised = next(iter(refit(stage, probes, rounds=1)), None)
+        promised = next(iter(refit(stage, probes, rounds=1, further=0)), None)
         able = (c for c in screened if c.number != number and c.gain > 0.2 * gain)
         others = leading(stage, able, _TRIED)
         fits = refit(stage, [joined(less.hypothesis, c) for c in others])

@@ -27,6 +27,7 @@ from .starts import (
 _REFITTED = 7  # causes of a screen that are refitted
 _SMALLER = 2  # smaller plants that are screened
 _FROM_SMALLER = 4  # candidates of the screens of smaller plants that are refitted
+_CLOSER = 0.7  # of the squared error of the plants screened, of one that is screened, too
 _SMALL = ((1, 0), (2, 0), (2, 1), (3, 0), (3, 1))
 _MOST_CAUSES = 4
 _PROGRESS = 0.5  # of the score by a model beside a cause, below which nothing has got better
@@ -39,6 +40,8 @@ _GROWS, _GROWN = 50.0, 3  # what a cause in a small plant must gain for larger o
 # it, and how many causes or forms are
 _REACH = 60.0  # that a candidate may lie behind the best after a few steps
 _PATIENT = 5  # rounds of a refit whose way is long
+_PASSED, _PASSED_BY = 0.4, 2  # of what the first cause is worth, from which on another may be the
+# better beginning, and how many are followed
 
 
 def climbed(
@@ -52,6 +55,7 @@ def climbed(
         return 2.0 * loglik - price(stage, h)
 
     now, rings = plain, False
+    aside: list[Refit] = []
     screened: list[Candidate] = []
     seen: dict[tuple, Refit] = {key_of(f.hypothesis): f for f in grid.values()}
     while len(now.hypothesis.active) < _MOST_CAUSES:
@@ -69,6 +73,7 @@ def climbed(
             patient = []
             for h in smaller:
                 (patient if lost or _waits(stage, h) else starts).append(h)
+            starts += [h for f in aside for h in _beside(stage, f, score(stage, now))]
             if not rings:  # or the plant would take the mode back
                 starts += closest(stage, list(nested(stage, now.hypothesis)), 1)
         most = max((c.gain for c in promising), default=0.0)
@@ -94,8 +99,32 @@ def climbed(
             ]
         if not better:
             break
-        now = max(better, key=lambda f: score(stage, f))
+        first, now = now is plain, max(better, key=lambda f: score(stage, f))
+        aside = _passed_by(stage, plain, now, fits) if first else []
     return now, screened, seen
+
+
+def _passed_by(stage: Stage, plain: Refit, now: Refit, fits: Iterable[Refit]) -> list[Refit]:
+    """The best models with one other cause, each in its own plant and in that of the plain model:
+    the best cause alone may be one that imitates two."""
+    least = score(stage, plain) + _PASSED * (score(stage, now) - score(stage, plain))
+    had = {stage.slots[k].cause for k in now.hypothesis.active}
+    picked: dict[tuple[int, ...], list[Refit]] = {}
+    for f in sorted(fits, key=lambda f: -score(stage, f)):
+        active = f.hypothesis.active
+        if had & {stage.slots[k].cause for k in active}:
+            continue
+        if score(stage, f) > least and len(picked) < _PASSED_BY:
+            picked.setdefault(active, [f])
+        elif active in picked and order_of(f.hypothesis) == order_of(plain.hypothesis):
+            picked[active].append(f)
+    return [f for own in picked.values() for f in own]
+
+
+def _beside(stage: Stage, f: Refit, least: float) -> list[Hypothesis]:
+    """Causes beside those of a model that promise to make it better than `least`."""
+    able = (c for c in screen(stage, f, fine=False) if score(stage, f) + c.gain > least)
+    return [joined(f.hypothesis, c) for c in leading(stage, able, _REFITTED)]
 
 
 def _in_smaller(
@@ -141,11 +170,16 @@ def joined(h: Hypothesis, candidate: Candidate) -> Hypothesis:
 
 def _smaller(stage: Stage, grid: Mapping[tuple[int, int], Refit], plain: Refit) -> list[Refit]:
     """The best of the smaller plants, which a cause may make enough, and of those without zeros: a
-    servo's or a motor's own, as which it scores badly while its friction is not told."""
+    servo's or a motor's own, as which it scores badly while its friction is not told. And what errs
+    much less than these and yet scores worse: a colour of noise may take a slow error so well that
+    no cause shows beside it."""
     coefficients = sum(order_of(plain.hypothesis))
     small = [f for o, f in grid.items() if sum(o) < coefficients and o in _SMALL]
     small = sorted(small, key=lambda f: -score(stage, f))
-    return small[:_SMALLER] + [f for f in small[_SMALLER:] if f.hypothesis.zeros == 0][:1]
+    small = small[:_SMALLER] + [f for f in small[_SMALLER:] if f.hypothesis.zeros == 0][:1]
+    least = min(grid.values(), key=lambda f: f.error(stage))
+    erring = min(f.error(stage) for f in [plain, *small])
+    return [*small, least] if least.error(stage) < _CLOSER * erring else small
 
 
 def _afresh(stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]) -> list[Hypothesis]:

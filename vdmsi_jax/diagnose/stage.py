@@ -29,6 +29,7 @@ PER_RUN = ("t", "v", "other", "distance", "begun")  # of the signals
 FIRST_CAUSE = LEADS[-1] + 1  # where the parameters of causes begin
 MOST_LEAD = 30.0
 _PAIRS = 32  # of a vector and a run, that the compiled program simulates side by side
+_MOST_USUAL = 1e3  # sizes that a parameter usually has, beyond which none is looked for
 
 
 @dataclass(frozen=True)
@@ -119,13 +120,15 @@ class Stage:
 
     @cached_property
     def bounds(self) -> tuple[Float[np.ndarray, " P"], Float[np.ndarray, " P"]]:
-        """Lower and upper bounds."""
+        """Lower and upper bounds, and no farther than `_MOST_USUAL` where there are none: a limit
+        on a side that nothing reaches would run away."""
         low, high = np.full(self.off.size, -np.inf), np.full(self.off.size, np.inf)
         low[list(LEADS)] = 0.0, 1e-6  # the second is free where it is not off, and stays free
         high[list(LEADS)] = MOST_LEAD
         for slot in self.slots:
             for i, known in zip(slot.index, slot.known, strict=True):
-                low[i], high[i] = known.lower, known.upper
+                most = _MOST_USUAL * self.usual[i]
+                low[i], high[i] = max(known.lower, -most), min(known.upper, most)
         return low, high
 
     @cached_property
