@@ -202,11 +202,9 @@ class Evidence:
             stage, final = cause.search.stage, cause.search.final
             name = next(s.output for s, f in self.searches.items() if f is cause.search)
             less, promised = cause.search.without(cause.finding), cause.finding.promised
+            scored = Scored(name, stage.y, less.y, final.y, final.colour)
             held = bool(stage.held_out.sum() > 50)
             use = stage.held_out if held else stage.mask
-            without = (less.y, cause.search.plain.y)  # other causes alone may do worse than none
-            before = min(without, key=lambda y: float(np.sum((stage.y - y)[use] ** 2)))
-            scored = Scored(name, stage.y, before, final.y, final.colour)
             sure.append(confirmed(scored, use, self.runs.dt))
             faint = held and scored.faint(stage.mask, use)
             step = None if promised is None else replace(scored, after=promised.y)
