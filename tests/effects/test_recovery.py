@@ -15,7 +15,8 @@ import pytest
 
 from effects import plain
 from effects.worlds import label
-from vdmsi_jax.diagnose.refit import Hypothesis, Refit, refit
+from vdmsi_jax.diagnose.hypothesis import Hypothesis, Refit
+from vdmsi_jax.diagnose.refit import refit
 from vdmsi_jax.diagnose.screen import screen
 from vdmsi_jax.diagnose.stage import FIRST_CAUSE, LEADS, POLES, Slot, Stage
 from vdmsi_jax.effects import ACTUATOR, Scales, Signals

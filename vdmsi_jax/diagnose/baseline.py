@@ -5,8 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .hypothesis import Hypothesis, Refit, responses
 from .price import score
-from .refit import Hypothesis, Refit, refit, responses
+from .refit import refit
 from .stage import POLES, Stage
 from .starts import first_order, nested
 

@@ -6,9 +6,9 @@ import numpy as np
 
 from . import swing
 from .colour import whiten
+from .hypothesis import Refit, responses, sensitivities
 from .manoeuvres import better
 from .naming import told_unit
-from .refit import Refit, responses, sensitivities
 from .result import Detectable
 from .screen import absorbable
 from .stage import Stage

@@ -17,7 +17,7 @@ from . import swing
 from .body import CAUSES
 from .body_search import BodySearch
 from .found import Search
-from .refit import Hypothesis
+from .hypothesis import Hypothesis
 from .stage import FIRST_CAUSE, LEADS, POLES, Stage, Unravel
 
 

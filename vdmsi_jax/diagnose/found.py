@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from .refit import Refit
+from .hypothesis import Refit
 from .screen import Candidate
 from .stage import Stage
 from .starts import backward

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .colour import whiten
-from .refit import Refit, responses, sensitivities
+from .hypothesis import Refit, responses, sensitivities
 from .stage import Stage
 
 NEEDED = 20.0

@@ -13,7 +13,7 @@ from .body_fit import BodyFit
 from .body_search import BodyFinding, BodySearch
 from .colour import whiten
 from .found import MARGIN, Finding, Search
-from .refit import Hypothesis, Refit
+from .hypothesis import Hypothesis, Refit
 from .result import Estimate, Rival
 from .stage import LEADS, Slot
 

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .colour import whiten
-from .refit import (
+from .hypothesis import (
     BEYOND,
     FREE_STATE,
     Hypothesis,

@@ -2,7 +2,7 @@
 
 import math
 
-from .refit import Hypothesis, Refit
+from .hypothesis import Hypothesis, Refit
 from .stage import Stage
 from .starts import backward, lingers
 

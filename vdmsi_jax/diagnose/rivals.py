@@ -4,9 +4,10 @@ from collections.abc import Mapping
 
 from .baseline import order_of
 from .found import Finding
+from .hypothesis import Refit
 from .outcome import steadiness
 from .price import lack, score
-from .refit import Refit, refit
+from .refit import refit
 from .screen import RAGGED, leading, screen
 from .selection import joined, without
 from .stage import Stage

@@ -8,9 +8,9 @@ import numpy as np
 from .body import travel
 from .body_search import BodySearch
 from .found import Search
+from .hypothesis import Hypothesis, responses
 from .naming import Named
 from .prepare import Runs
-from .refit import Hypothesis, responses
 from .result import Path
 
 

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from . import swing
 from .colour import spectrum, whiten
-from .refit import Hypothesis, Refit, responses, sensitivities, usable
+from .hypothesis import Hypothesis, Refit, responses, sensitivities, usable
 from .stage import LEADS, MOST_LEAD, Stage
 
 _LARGEST = 3.0  # a probe may be scaled by so much when its size is estimated

@@ -8,10 +8,11 @@ import numpy as np
 
 from .baseline import baselines, order_of
 from .found import Failed, Finding, Search
+from .hypothesis import Refit
 from .judge import Scored, confirmed, gain_of
 from .outcome import completed
 from .price import CAUSE_COST, score
-from .refit import Refit, refit
+from .refit import refit
 from .rivals import findings_of
 from .selection import cleared, climbed, eliminate
 from .stage import Stage

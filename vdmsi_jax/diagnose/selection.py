@@ -7,9 +7,10 @@ from functools import partial
 import numpy as np
 
 from .baseline import best_of_each, closest, grown, key_of, order_of
+from .hypothesis import Hypothesis, Refit
 from .outcome import steadiness
 from .price import price, score
-from .refit import Hypothesis, Refit, refit
+from .refit import refit
 from .screen import Candidate, leading, screen
 from .stage import FIRST_CAUSE, LEADS, POLES, Stage
 from .starts import (
@@ -112,7 +113,7 @@ def _passed_by(stage: Stage, plain: Refit, now: Refit, fits: Iterable[Refit]) ->
     picked: dict[tuple[int, ...], list[Refit]] = {}
     for f in sorted(fits, key=lambda f: -score(stage, f)):
         active = f.hypothesis.active
-        if had & {stage.slots[k].cause for k in active}:
+        if not active or had & {stage.slots[k].cause for k in active}:
             continue
         if score(stage, f) > least and len(picked) < _PASSED_BY:
             picked.setdefault(active, [f])

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..effects import AbstractEffect, Scales
-from .refit import Hypothesis, Refit
+from .hypothesis import Hypothesis, Refit
 from .stage import POLES, Stage
 
 _STATIC = ("saturation", "dead_zone", "gain_nonlinearity", "gain_asymmetry")

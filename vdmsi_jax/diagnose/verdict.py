@@ -15,12 +15,13 @@ from .channels import channel_scores, responses, units_of
 from .detectability import detectable
 from .extension import extended_model, plain_model
 from .found import Search
+from .hypothesis import Refit
 from .judge import Scored, Trial, confirmed, gain_of
 from .leftover import leftover, stand_ins
 from .manoeuvres import separate
 from .naming import Named, merged, of_body, of_stage, of_yaw_rate
 from .prepare import Runs, steering_angle
-from .refit import Refit, refit
+from .refit import refit
 from .result import ChannelScore, Diagnosis, Estimate, Finding, Gain, Rival, Unexplained
 from .road import Road
 from .screen import screen

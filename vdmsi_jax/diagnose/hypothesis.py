@@ -1,0 +1,247 @@
+"""Hypotheses about a plant: what they answer, and what is left of the measurement under them, white
+and with the best free states taken out."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from . import swing
+from .colour import whiten
+from .free_response import begun, mode
+from .stage import LEADS, POLES, Stage
+
+_STEP = 1e-4  # of a parameter's usual size, for differences
+BEYOND = 8  # reaches of the whitening filter, over which residuals count as one sample
+FREE_STATE = 0.3  # prior standard deviation of a state at the start, of the response's range
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """Which parameters of a stage are free, and their values.
+
+    Attributes:
+        poles, zeros: order of the plant.
+        active: numbers of the causes that are on.
+        theta: the vector.
+        swing: sine and cosine of a periodic disturbance, each run's own; in `theta` they are off.
+    """
+
+    poles: int
+    zeros: int
+    active: tuple[int, ...]
+    theta: Float[np.ndarray, " P"]
+    swing: Float[np.ndarray, "R 2"] | None = None
+
+    def free(self, stage: Stage) -> np.ndarray:
+        """Numbers of the free parameters."""
+        a = list(range(self.poles))
+        b = list(range(POLES + self.poles - 1 - self.zeros, POLES + self.poles))
+        slots = [stage.slots[number] for number in self.active]
+        forced = any(slot.forces for slot in slots)
+        lead = [LEADS[0]] if forced and self.poles > 1 else []
+        lead += [LEADS[1]] if forced and self.poles > 2 and self.theta[LEADS[1]] != 0.0 else []
+        own = [i for s in slots for i in (s.index[:1] if s.cause == swing.CAUSE else s.index)]
+        return np.array(a + b + lead + own)
+
+    def size(self, stage: Stage) -> int:
+        """How many parameters it has, a swing's two among them."""
+        return len(self.free(stage)) + 2 * (self.frequency(stage) is not None)
+
+    def frequency(self, stage: Stage) -> float | None:
+        """Of the periodic disturbance, Hz; None where there is none."""
+        number = swing.number_of(stage, self.active)
+        return None if number is None else float(self.theta[stage.slots[number].index[0]])
+
+    @property
+    def den(self) -> Float[np.ndarray, " n"]:
+        """Denominator of the plant, highest power first, in units of its pace."""
+        return np.concatenate([[1.0], self.theta[: self.poles]])
+
+    @property
+    def num(self) -> Float[np.ndarray, " m"]:
+        """Numerator, likewise."""
+        return self.theta[POLES + self.poles - 1 - self.zeros : POLES + self.poles]
+
+    @property
+    def order(self) -> str:
+        """The paper's name of the order."""
+        return f"P{self.poles}Z{self.zeros}"
+
+
+@dataclass(frozen=True, eq=False)
+class Refit:
+    """A hypothesis at its optimum.
+
+    Attributes:
+        hypothesis: with the values found.
+        loglik: log-likelihood of the innovations, up to a constant that all share; and of the
+            residual itself, a sample every few reaches of the whitening filter: an estimated colour
+            takes an error that lasts for noise that hardly moves, and sees but its ends.
+        y: (runs, N) simulated response, with the free response of the starts.
+        simulated: (runs, N) without it.
+        states: (N, n) response to the states at the start.
+        colour: coefficients of its own whitening filter.
+        variance: of the innovations.
+        covariance: of the free parameters, by the last slopes.
+    """
+
+    hypothesis: Hypothesis
+    loglik: float
+    y: Float[np.ndarray, "R N"]
+    simulated: Float[np.ndarray, "R N"]
+    states: Float[np.ndarray, "N n"]
+    colour: Float[np.ndarray, " order"]
+    variance: float
+    covariance: Float[np.ndarray, "p p"]
+
+    def error(self, stage: Stage) -> float:
+        """Mean squared residual of the samples that count in a fit."""
+        return float(np.mean((stage.y - self.y)[stage.mask] ** 2))
+
+
+@dataclass
+class Lane:
+    """A hypothesis on its way. White is what has passed the whitening filter, zero where it does
+    not count."""
+
+    hypothesis: Hypothesis
+    free: np.ndarray
+    y: np.ndarray
+    states: np.ndarray  # (N, n) free response of the plant to its states
+    colour: np.ndarray
+    damping: float = 1e-2
+    cost: float = np.inf
+    settled: bool = False
+    slopes: np.ndarray | None = None  # (p, R, N) differences, None where they are wanted anew
+    drift: float = 0.0  # gain since they were taken
+    white_error: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))  # (R, N)
+    white_states: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))  # (n, N)
+    white_slopes: np.ndarray | None = None
+
+
+def responses(stage: Stage, hypotheses: Sequence[Hypothesis]) -> Float[np.ndarray, "L R N"]:
+    """What hypotheses answer to the commands."""
+    y = stage.simulate(np.stack([h.theta for h in hypotheses]))
+    for own, h in zip(y, hypotheses, strict=True):
+        frequency = h.frequency(stage)
+        if frequency is not None and h.swing is not None:
+            own += h.swing @ swing.columns(stage, frequency)
+    return bounded(stage, y)
+
+
+def sensitivities(
+    stage: Stage, hypotheses: Sequence[Hypothesis], y: Sequence[np.ndarray]
+) -> list[Float[np.ndarray, "p R N"]]:
+    """Differences of the response with respect to the free parameters, about the responses `y`."""
+    if not hypotheses:
+        return []
+    high = stage.bounds[1]
+    shifted, sizes = [], []
+    for h in hypotheses:
+        free = h.free(stage)
+        size = np.maximum(np.abs(h.theta), stage.usual)[free] * _STEP
+        size = np.where(h.theta[free] + size > high[free], -size, size)
+        own = np.repeat(h.theta[None], len(free), axis=0)
+        own[np.arange(len(free)), free] += size
+        shifted += [replace(h, theta=theta) for theta in own]
+        sizes.append(size)
+    ends = np.cumsum([len(s) for s in sizes])[:-1]
+    moved = np.split(responses(stage, shifted), ends)
+    return [
+        (new - old) / size[:, None, None] for new, old, size in zip(moved, y, sizes, strict=True)
+    ]
+
+
+def usable(stage: Stage) -> np.ndarray:
+    """Samples whose innovations count. Before the first of a run there is no past, so its
+    innovation is the residual itself; without them nothing would hold the states at the start."""
+    return stage.mask
+
+
+def states_of(stage: Stage, h: Hypothesis) -> np.ndarray:
+    """Response at the rows to each state at the first row, those of a mode among them, to what was
+    on its way then, and to a swing of each phase."""
+    den, delay = h.den, 0.0
+    for slot in (stage.slots[number] for number in h.active):
+        own = h.theta[list(slot.index)]
+        if slot.cause == "resonance":
+            den = np.polymul(den, mode(2.0 * np.pi * own[0] / stage.pace, own[1]))
+        if slot.cause == "transport_delay":
+            delay = stage.pace * own[0]
+    rows = begun(den, h.den, h.num, delay, stage.pace * stage.dt, stage.u.shape[1])
+    frequency = h.frequency(stage)
+    if frequency is None:
+        return rows
+    return np.concatenate([rows, swing.columns(stage, frequency).T], axis=1)
+
+
+def bounded(stage: Stage, y: np.ndarray) -> np.ndarray:
+    """Responses that an unstable trial made huge or not finite, cut to a size that loses."""
+    huge = 1e4 * max(stage.scales.response, np.abs(stage.y).max())
+    return np.clip(np.nan_to_num(y, nan=huge, posinf=huge, neginf=-huge), -huge, huge)
+
+
+def residual(stage: Stage, y: np.ndarray) -> np.ndarray:
+    return np.where(stage.mask, stage.y - y, 0.0)
+
+
+def whitened(x: np.ndarray, lane: Lane, counted: np.ndarray) -> np.ndarray:
+    return whiten(x[None], lane.colour[None])[0] * counted
+
+
+def variance_of(lane: Lane, counted: np.ndarray) -> float:
+    """Of the innovations, as a lane stands."""
+    return max(float(np.sum(lane.white_error**2)) / counted.sum(), 1e-300)
+
+
+def _prior(stage: Stage, lane: Lane, counted: np.ndarray) -> float:
+    """What holds the free states, in units of the innovations."""
+    return variance_of(lane, counted) / (FREE_STATE * stage.scales.response) ** 2
+
+
+def pulled(stage: Stage, lane: Lane, counted: np.ndarray) -> Float[np.ndarray, " p"]:
+    """What holds the free parameters that are believed to be small, likewise."""
+    return variance_of(lane, counted) * stage.ridge[lane.free]
+
+
+def unlikely(stage: Stage, lane: Lane, counted: np.ndarray, theta: np.ndarray) -> float:
+    """What that costs, likewise."""
+    return variance_of(lane, counted) * float(stage.ridge @ (theta - stage.off) ** 2)
+
+
+def project(
+    stage: Stage, lane: Lane, counted: np.ndarray, rows: Float[np.ndarray, "q R N"]
+) -> Float[np.ndarray, "q q"]:
+    """Products of white rows, what the best free states of each run explain taken out."""
+    prior = _prior(stage, lane, counted) * np.eye(len(lane.white_states))
+    gram = np.zeros((len(rows), len(rows)))
+    for r, use in enumerate(counted):
+        own, f = rows[:, r], lane.white_states * use
+        across = own @ f.T
+        gram += own @ own.T - across @ np.linalg.solve(f @ f.T + prior, across.T)
+    return gram
+
+
+def repaint(stage: Stage, lane: Lane, counted: np.ndarray) -> None:
+    """Whiten all of a lane by its colour."""
+    lane.white_states = whiten(lane.states.T[None], lane.colour[None])[0]
+    lane.white_error = whitened(residual(stage, lane.y), lane, counted)
+    if lane.slopes is not None:
+        lane.white_slopes = whitened(lane.slopes, lane, counted)
+
+
+def with_states(stage: Stage, lane: Lane, counted: np.ndarray) -> Float[np.ndarray, "R N"]:
+    """A lane's response with the free response of the states at the starts that fit best."""
+    return lane.y + free_states(stage, lane, counted) @ lane.states.T
+
+
+def free_states(stage: Stage, lane: Lane, counted: np.ndarray) -> Float[np.ndarray, "R n"]:
+    """The states at the start of each run that fit best."""
+    prior = _prior(stage, lane, counted) * np.eye(len(lane.white_states))
+    found = []
+    for r, use in enumerate(counted):
+        f = lane.white_states * use
+        found.append(np.linalg.solve(f @ f.T + prior, f @ lane.white_error[r]))
+    return np.stack(found)
