@@ -256,4 +256,4 @@ def _rings(stage: Stage, f: Refit, plain: Refit, seen: Mapping[tuple, Refit]) ->
     smaller = sum(order_of(h)) < sum(order_of(plain.hypothesis))
     worth, lacks = (score(stage, plain) - score(stage, other) for other in (bare, f))
     most = min(0.5 * worth, max(_NAME, _LITTLE * worth))
-    return smaller and damping < _LIGHT and lacks < most
+    return bool(smaller and damping < _LIGHT and lacks < most)
