@@ -65,10 +65,13 @@ def fit_body(
 
 
 def refit_body(
-    body: Body, starts: Sequence[tuple[tuple[int, ...], np.ndarray]], rounds: int = 1
+    body: Body,
+    starts: Sequence[tuple[tuple[int, ...], np.ndarray]],
+    rounds: int = 1,
+    steps: int = _STEPS,
 ) -> list[BodyFit]:
     """Fit hypotheses from their starts, each with its own colours, which are estimated anew
-    `rounds` times on the way."""
+    `rounds` times on the way, each time for so many `steps`."""
     if not starts:
         return []
     lanes = [Lane(body, active, theta) for active, theta in starts]
@@ -78,7 +81,7 @@ def refit_body(
         for lane in lanes:
             lane.recolour()
         moving = lanes
-        for _ in range(_STEPS):
+        for _ in range(steps):
             moving = _step(body, moving)
     for lane in lanes:
         lane.recolour()

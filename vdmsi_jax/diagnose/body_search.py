@@ -37,7 +37,7 @@ _LATE = (0.03, 0.07, 0.15, 0.32)  # s, that are tried
 @dataclass(frozen=True, eq=False)
 class BodyFinding:
     """A cause, what it is worth in twice the log-likelihood, the model without it, what was tried
-    in its place with what it lacks, and the linear step by which the screen predicts it."""
+    in its place with what it lacks, and the first step of a fit from where the screen leads."""
 
     number: int
     gain: float
@@ -307,8 +307,8 @@ def _findings(body: Body, now: BodyFit) -> tuple[tuple[BodyFinding, ...], BodyFi
         less = fit_body(body, [rest], now)[0]
         gain = 2 * (now.loglik - less.loglik)
         screened = screen_body(body, less)
-        steps = [theta for _, k, theta in screened if k == i]
-        promised = moved(body, less, np.stack(steps[:1]))[0] if steps else None
+        probes = [_with(less, k, theta) for _, k, theta in screened if k == i][:1]
+        promised = next(iter(refit_body(body, probes, steps=1)), None)
         close = [s for s in screened if s[1] != i and s[0] > 0.3 * gain][:_REFITTED]
         fits = refit_body(body, [_with(less, k, theta) for _, k, theta in close])
         tried += fits

@@ -77,6 +77,7 @@ def _residual_jvp(primals, tangents):
     return r, J @ tangents[0]
 
 
+@jax.jit  # traced once for all places that a solver calls it at
 def _residual_and_jacobian(x: Array, problem: tuple[Order, Samples, Array, Array]):
     order, samples, scale, longest = problem
     p = x * scale
