@@ -358,9 +358,10 @@ def _require(fine: bool, owner: object, field: str, problem: str, mend: str) -> 
 
 
 def canonical_of(plants: Iterable[PlantSpec], vehicle: VehicleGeometry | None) -> dict[str, str]:
-    """`CANONICAL`, less the names of a pose that plants have taken where there is no vehicle: `u`
-    and `y` of a plant are its own."""
-    own = {c for p in plants for c in p.channels} if vehicle is None else ()
+    """`CANONICAL`, less the names of a pose that plants have taken which are no part of a vehicle:
+    `u` and `y` of a plant are its own."""
+    foreign = [p for p in plants if vehicle is None or p.input not in CANONICAL]
+    own = {c for p in foreign for c in p.channels}
     return {c: q for c, q in CANONICAL.items() if c not in _POSE or c not in own}
 
 

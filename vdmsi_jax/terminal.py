@@ -41,7 +41,10 @@ def progress() -> Progress:
 
 
 def show_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """A table on standard output; columns after the first two stand to the right."""
+    """A table on standard output, without columns that are empty; those after the first two stand
+    to the right."""
+    told = [i for i in range(len(header)) if any(row[i] != "–" for row in rows)]
+    header, rows = [header[i] for i in told], [[row[i] for i in told] for row in rows]
     table = Table(box=None, pad_edge=False, header_style="bold")
     for i, name in enumerate(header):
         justify = "left" if i < 2 else "right"

@@ -152,3 +152,13 @@ def test_units_convert_to_si():
         assert UNITS[name].to_si == pytest.approx(factor, rel=1e-15)
     for name in ("m/s²", "°", "kmh", "1/min", ""):
         assert unit(name, source="f", place="p")
+
+
+def test_a_plant_s_own_y_is_no_place_beside_a_vehicle(tmp_path):
+    path = tmp_path / "vehicle.toml"
+    vehicle, units = "[vehicle]\nl_f = 1\nl_r = 1\n", "[units]\ny = 'V'\n"
+    path.write_text(f"{vehicle}{units}[[plants]]\nname = 'valve'\ninput = 'u'\noutput = 'y'")
+    assert "y" not in load_config(path).canonical
+    path.write_text(f"{vehicle}{units}[[plants]]\nname = 'way'\ninput = 'v_cmd'\noutput = 'y'")
+    with pytest.raises(InputError, match="length"):
+        load_config(path)

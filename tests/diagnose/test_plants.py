@@ -51,6 +51,15 @@ def driven(
     return made
 
 
+def test_a_plant_of_its_own_is_looked_at_beside_a_vehicle():
+    """A configuration may tell of a vehicle whatever the log holds; `y` is then no place."""
+    logs, vehicle = driven(1, swing=0.08), vj.VehicleGeometry(l_f=1.0, l_r=1.0)
+    found = vj.diagnose(logs, vehicle)
+    assert [(f.cause, f.where) for f in found.findings] == [("periodic_disturbance", "plant")]
+    models = vj.compare(logs[2], found.model).predictions
+    assert models["extended"].scores["y"].fit > models["VDM-SI"].scores["y"].fit + 3.0
+
+
 def test_what_swings_begins_each_run_where_it_likes():
     found = vj.diagnose(driven(1, swing=0.08))
     assert [f.cause for f in found.findings] == ["periodic_disturbance"]

@@ -91,13 +91,13 @@ def _score(
     name: str, status: str, record: Record, channels: Mapping[str, np.ndarray], window: float
 ) -> Prediction:
     """Set what was predicted against what was measured; filled-in samples do not count."""
-    scores = {}
+    scores, posed = {}, set(POSE) <= channels.keys()
     for channel in channels:
-        if channel in record and channel not in POSE:
+        if channel in record and not (posed and channel in POSE):
             seen = record.measured(channel)
             y, y_hat = record[channel][seen], channels[channel][seen]
             scores[channel] = Score(float(fit(y, y_hat)), float(mse(y, y_hat)))
-    if "x" not in channels or status != SUCCESSFUL:
+    if not posed or status != SUCCESSFUL:
         return Prediction(name, status, channels, scores)
     predicted = np.stack([channels[c] for c in POSE], axis=1)
     measured = np.stack([record[c] for c in POSE], axis=1)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import jax
 import numpy as np
 
-from ..config import PlantSpec, VehicleGeometry
+from ..config import PlantSpec, VehicleGeometry, canonical_of
 from ..data import check_excitation
 from ..data.record import Record
 from ..data.session import in_session
@@ -146,7 +146,8 @@ def _same(one: Record, other: Record) -> bool:
 
 
 def plants_of(records: Sequence[Record]) -> list[PlantSpec]:
-    """The plants to look at: of a vehicle one for each of speed and angle, else all."""
+    """The plants to look at: one for each of a vehicle's speed and angle, and all that are none of
+    a vehicle's."""
     plants = list({p.name: p for r in records for p in r.plants}.values())
     channels = set.intersection(*(set(r.channels) for r in records))
     plants = [p for p in plants if p.input in channels and p.output in channels]
@@ -155,9 +156,12 @@ def plants_of(records: Sequence[Record]) -> list[PlantSpec]:
         if not any(p.output == "delta" for p in plants):
             plants.append(PlantSpec("steering", "delta_cmd", "delta"))
     taken: dict[str, PlantSpec] = {}
+    ours = canonical_of(plants, records[0].vehicle)
     for plant in plants:
-        if not vehicle or plant.output in ("v", "delta"):
-            taken.setdefault(plant.output if vehicle else plant.name, plant)
+        if not vehicle or plant.output not in ours:
+            taken.setdefault(plant.name, plant)
+        elif plant.output in ("v", "delta"):
+            taken.setdefault(plant.output, plant)
     return list(taken.values())
 
 
