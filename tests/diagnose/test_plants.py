@@ -60,6 +60,33 @@ def test_a_plant_of_its_own_is_looked_at_beside_a_vehicle():
     assert models["extended"].scores["y"].fit > models["VDM-SI"].scores["y"].fit + 3.0
 
 
+def valve(seed: int, rate: float, rows: int = 800, dt: float = 0.05):
+    """Three logs of a hydraulic position loop whose pump bounds the flow that is asked for; the
+    flow follows in 30 ms."""
+    rng, made = np.random.default_rng(seed), []
+    for run in range(3):
+        steps = np.repeat(rng.uniform(-0.35, 0.35, 200), rng.integers(10, 50, 200))[:rows]
+        at, flow, y = steps[0], 0.0, []
+        for k, command in enumerate(np.repeat(steps, round(dt / 0.001))):
+            if k % round(dt / 0.001) == 0:
+                y.append(at)
+            flow += 0.001 / 0.03 * (np.clip(5.0 * (command - at), -rate, rate) - flow)
+            at += 0.001 * flow
+        y = np.asarray(y) + 0.002 * rng.standard_normal(rows)
+        plant = vj.PlantSpec("valve", "u", "y")
+        made.append(vj.Record.from_arrays(dt=dt, name=f"{run}", plants=(plant,), u=steps, y=y))
+    return made
+
+
+def test_what_lags_behind_a_limit_is_no_delay():
+    """A limit of the response itself leaves the lag behind it, which a delay then tells."""
+    found = vj.diagnose(valve(1, 0.22))
+    assert [f.cause for f in found.findings] == ["rate_limit"]
+    assert found.findings[0].form == "of the drive in a position loop"
+    for side in ("rising", "falling"):
+        assert found.findings[0].parameters[side].value == pytest.approx(0.22, rel=0.01)
+
+
 def test_what_swings_begins_each_run_where_it_likes():
     found = vj.diagnose(driven(1, swing=0.08))
     assert [f.cause for f in found.findings] == ["periodic_disturbance"]

@@ -71,7 +71,7 @@ def test_no_force_acts(effect):
     stuck = (rng.random(n) < 0.5).astype(float)
     for made in forms(effect):
         force = jax.vmap(lambda *at, made=made: made.effort(Effort(*at)))(
-            *map(jnp.asarray, (u, y, rate, gain, stuck, np.abs(gain), np.full(n, 0.01)))
+            *map(jnp.asarray, (u, y, rate, gain, stuck, gain[::-1], np.abs(gain), np.full(n, 0.01)))
         )
         np.testing.assert_array_equal(force, 0.0)
 

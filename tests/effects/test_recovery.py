@@ -105,6 +105,8 @@ CASES = {
     "GainAsymmetry effort": Case(plain.weak_push(-0.31), (-0.31,)),
     # forward only: below 5 cm/s rolling resistance fades out instead of holding
     "Drag": Case(plain.resistance(0.13, 2.1, TAU), (0.13, 2.1), lift=6.0),
+    # behind a single lag the drive is all that moves
+    "RateLimit drive": Case(plain.motor_limit(5.0, 4.0, TAU), (1 / 5.0, 1 / 4.0)),
     "RateLimit response": Case(
         plain.motor_limit(5.0, 4.0, TAU), (1 / 5.0, 1 / 4.0), second_order=True
     ),

@@ -23,6 +23,7 @@ _HALF = 0.5  # of a value, by which two that are one may differ, however uncerta
 _FORMS = {
     ("at", "command"): "of the command",
     ("at", "response"): "of the response",
+    ("at", "drive"): "of the drive in a position loop",
     ("at", "corner"): "of the command, with a round corner",
     ("at", "stop"): "of the response, by an end stop",
     ("at", "load"): "of the response, which a load pulls back",

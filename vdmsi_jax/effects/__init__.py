@@ -59,6 +59,7 @@ ACTUATOR: tuple[AbstractEffect, ...] = (
     RoadGrade(),
     GainAsymmetry(by="effort"),
     Drag(),
+    RateLimit(at="drive"),
     RateLimit(at="response"),
     CoulombFriction(against="rate"),
     CoulombFriction(against="response"),

@@ -72,6 +72,7 @@ class Effort(eqx.Module):
         rate: of the response at the end of the sub-step if no more force acts, unit/s.
         gain: by how much a unit of force, told as a command, lowers that rate.
         stuck: 1 where the response stood still in the sub-step before, else 0.
+        rest: the response to a unit of command that lasts, its unit.
         slowness: seconds of command that a unit of acceleration is worth: the sum of the plant's
             time constants over its gain; where an integrator makes up for it, by the response to it
             before it does.
@@ -83,6 +84,7 @@ class Effort(eqx.Module):
     rate: Float[Array, ""]
     gain: Float[Array, ""]
     stuck: Float[Array, ""]
+    rest: Float[Array, ""]
     slowness: Float[Array, ""]
     h: Float[Array, ""]
 

@@ -1,4 +1,4 @@
-"""Rate limit: the response, or the command, moves no faster."""
+"""Rate limit: the response, or the command, or the drive of a servo, moves no faster."""
 
 from typing import ClassVar, Literal
 
@@ -13,7 +13,9 @@ from vdmsi_jax.parameters import parameter
 
 class RateLimit(AbstractEffect):
     """A largest rate upward and downward: of the response, where the actuator has no more power,
-    or of the command, where electronics ramp it.
+    of the command, where electronics ramp it, or of what a position loop asks of its drive (a
+    valve's flow, a motor's speed): the command counts no further ahead of the response than what
+    the response follows at that rate, and what lies behind the drive still lags.
 
     Attributes:
         at: which signal's rate is limited.
@@ -27,7 +29,7 @@ class RateLimit(AbstractEffect):
     falling: Float[Array, ""] = parameter(
         "1/(response/s)", "inverse of the largest rate downward", lower=0.0, shown="inverse"
     )
-    at: Literal["response", "command"] = eqx.field(static=True, default="response")
+    at: Literal["response", "command", "drive"] = eqx.field(static=True, default="response")
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
         rate, shares = scales.rate, (1.5, 0.9, 0.6, 0.35)
@@ -35,13 +37,21 @@ class RateLimit(AbstractEffect):
             rate *= scales.command / max(scales.response, 1e-12)
             shares += (4.0, 12.0)  # steps are ramped faster than what follows them moves
         slow = [1.0 / (k * max(rate, 1e-12)) for k in shares]
+        if self.at == "drive":
+            return [(k, k) for k in slow]
         return [(k, k) for k in slow] + [(slow[1], 0.0), (0.0, slow[1])]
 
     def effort(self, at: Effort) -> Float[Array, ""]:
-        if self.at != "response":
+        if self.at == "command":
             return jnp.zeros_like(at.u)
-        limit = jnp.maximum(1.0, jnp.maximum(at.rate * self.rising, -at.rate * self.falling))
-        return (at.rate - at.rate / limit) / at.gain
+        rate, unit = at.rate, 1.0 / at.gain
+        if self.at == "drive":
+            still = jnp.where(jnp.abs(at.rest) > 1e-12, at.rest, 1e-12)
+            # how far ahead the command is per rate; the response moves on within the sub-step
+            unit = jnp.maximum(jnp.abs(at.slowness) + 0.5 * at.h / jnp.abs(still), 1e-9)
+            rate = (at.u - at.y / still) / unit
+        limit = jnp.maximum(1.0, jnp.maximum(rate * self.rising, -rate * self.falling))
+        return (rate - rate / limit) * unit
 
     def held(self, u: Float[Array, " M"], signals: Signals) -> Float[Array, " M"]:
         if self.at != "command":

@@ -336,6 +336,7 @@ def _dynamics(
     gain = system.C @ system.A @ Bd + system.C @ system.B
     hold = system.C @ system.A @ Fd + system.C @ led(system.B, signals.leads)
     hold = jnp.where(jnp.abs(hold) > 1e-12, hold, 1e-12)
+    level, slowness, h = rest[0] + system.D, signals.slowness, signals.h
     n = Bd.shape[0]
     A = [[Ad[i, j] for j in range(n)] for i in range(n)]
     B, F = [Bd[i] for i in range(n)], [Fd[i] for i in range(n)]
@@ -352,15 +353,15 @@ def _dynamics(
         rate = _sum(m[j] * before[j] for j in range(n)) + gain * u - hold * push
         total = push
         for effect in inside:
-            spent = effect.effort(Effort(u, y, rate, hold, stuck, signals.slowness, signals.h))
+            spent = effect.effort(Effort(u, y, rate, hold, stuck, level, slowness, h))
             rate, total = rate - hold * spent, total + spent
         stuck = jnp.where(jnp.abs(rate) < 1e-9 * jnp.abs(hold), 1.0, 0.0)
         return (tuple(x[i] - F[i] * total for i in range(n)), stuck), y
 
     first = rest * u[0] if x0 is None else x0
     if load is not None:  # at rest under the force, too, which `x0` has as part of the command
-        level = rest if x0 is None else jnp.zeros_like(rest)
-        first = first - load[0] * (level - ahead_of(system, signals.leads))
+        under = rest if x0 is None else jnp.zeros_like(rest)
+        first = first - load[0] * (under - ahead_of(system, signals.leads))
     start = tuple(first[i] for i in range(n))
     return lax.scan(step, (start, jnp.zeros(())), (u, load))[1]
 
