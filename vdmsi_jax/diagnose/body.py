@@ -190,7 +190,8 @@ class Body:
             ("sensor_delay", "pose"),
         }
         hidden |= {("sensor_bias", "psi")}
-        hidden |= {("sensor_lag", "v"), ("sensor_delay", "v")}
+        if self.by_yaw_rate:
+            hidden |= {("sensor_lag", "v"), ("sensor_delay", "v")}
         yaw = {("sensor_lag", "r"), ("sensor_delay", "r"), ("sensor_bias", "r")}
         return tuple(
             i
