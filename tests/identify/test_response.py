@@ -102,7 +102,7 @@ def test_sensitivities_against_differences_of_independent_simulations(case):
     best = np.linalg.lstsq(columns[counts], y[counts], rcond=None)[0]
     n_free = int(order.n) * len(record.segments)
     free = columns[:, :n_free] * counts[:, None]
-    found = np.moveaxis(np.asarray(_detail(a, d, order, samples).sensitivities), 1, 2)[where >= 0]
+    found = np.asarray(_detail(a, d, order, samples).sensitivities)[where >= 0]
     for i in _free_parameters(order, d):
         at = np.append(a, d)
         step = STEP * max(abs(at[i]), 1.0)
@@ -122,7 +122,7 @@ def test_sensitivities_against_differences_of_independent_simulations(case):
 def test_normal_matrix_is_that_of_the_projected_sensitivities(case):
     _, samples, where, counts, order, a, d = case
     _, _, J = _compress(a, d, order, samples)
-    S = np.moveaxis(np.asarray(_detail(a, d, order, samples).sensitivities), 1, 2)[where >= 0]
+    S = np.asarray(_detail(a, d, order, samples).sensitivities)[where >= 0]
     S = S[counts]
     # with a feed-through the delay's column lies among those of the numerator: none is left of it
     live = [*range(int(order.n))] + [rs.N_MAX] * (int(order.m) < int(order.n))

@@ -45,8 +45,8 @@ def _step(a: Array, d: Array, order: Order, samples: Samples, instrumental: Arra
     rows = rs.signals(a, d, order, samples)
     A, B = rs.companion(a, order)
     filtered = _filter_output(A, B, samples)
-    raw = rs.segment_grams(jnp.concatenate([rows, filtered], 1), samples)
-    count = rows.shape[1]
+    raw = rs.segment_grams(jnp.concatenate([rows, filtered], -1), samples)
+    count = rows.shape[-1]
     best = rs.project(a, order, rows, samples, raw=raw[:, :count, :count])
     linear, cost = best.linear, jnp.sqrt(jnp.sum(samples.weight * best.residual**2))
     free_last = jnp.array([*range(rs.KEPT), *range(count, raw.shape[1]), *range(rs.KEPT, count)])
@@ -74,11 +74,8 @@ def _step(a: Array, d: Array, order: Order, samples: Samples, instrumental: Arra
 
 
 def _filter_output(A: Array, B: Array, samples: Samples) -> Array:
-    """States s^i/A y (k, 5, m) of the measured output, linear between samples."""
+    """States s^i/A y (k, m, 5) of the measured output, linear between samples."""
     ramp = jnp.zeros((N_MAX + 1, N_MAX + 1)).at[:N_MAX, :N_MAX].set(A).at[:N_MAX, N_MAX].set(B)
     Phi, Gamma = rs.hold(ramp, jnp.eye(N_MAX + 1)[N_MAX], samples.dt[None])
     level, slope = Phi[0, :N_MAX, N_MAX], Gamma[0, :N_MAX] / samples.dt
-    y = samples.y
-    following = jnp.concatenate([y.reshape(-1)[1:], y[-1, -1:]]).reshape(y.shape)
-    drive = (level - slope)[:, None] * y[:, None] + slope[:, None] * following[:, None]
-    return rs.recurrence(Phi[0, :N_MAX, :N_MAX], drive, jnp.zeros(N_MAX), samples)
+    return rs.between(Phi[0, :N_MAX, :N_MAX], level - slope, slope, samples.y, samples)

@@ -168,7 +168,7 @@ def _simulated(
         order: (
             np.asarray(detail.beta, float),
             np.asarray(detail.predicted, float)[inside][rows],
-            np.moveaxis(np.asarray(detail.sensitivities, float), 1, 2)[inside][rows],
+            np.asarray(detail.sensitivities, float)[inside][rows],
         )
         for order, detail in zip(found, details, strict=True)
     }

@@ -12,12 +12,13 @@ only `a` and the delay remain to be searched.
 Residual and sensitivities are all linear combinations of a few signals, since dy/da_i = -(s^i / A)
 (y - offset) and since in companion form the next state is the derivative of the one before. So the
 record is passed once, its signals are summed up in one Gram matrix, and the rest is algebra on that
-matrix. Signals stand as rows of blocks, `(k, rows, m)`.
+matrix. Signals stand as columns of blocks, `(k, m, signals)`.
 """
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from vdmsi_jax.identify.layout import Samples
@@ -27,10 +28,11 @@ N_MAX = 5
 N_LINEAR = N_MAX + 2  # b_0 ... b_5 and the offset
 _RIDGE = 1e-13  # of equilibrated Gram matrices: about the resolution of float64 sums of squares
 
+STEP = 16  # samples that a matrix product answers: fewer make the scan long, more the products dear
 _NOT_DENORMAL = 1e-60  # keeps decayed states out of the range in which processors are slow
 MAX_GROWTH = 1.0
 
-# the rows of the signals: states s^i/A u; u; 1; y; states of 1/A driven by the first of these; the
+# the signals: states s^i/A u; u; 1; y; states of 1/A driven by the first of these; the
 # same for free responses; free responses
 X_, U, ONE, Y, W_, M_, F_ = slice(0, 5), 5, 6, 7, slice(8, 13), slice(13, 18), slice(18, 23)
 KEPT = 18  # rows left when the free responses are projected out
@@ -87,38 +89,79 @@ def hold(F: Array, G: Array, times: Array) -> tuple[Array, Array]:
     return jax.vmap(system.discretise)(times)
 
 
-def recurrence(Phi: Array, drive: Array, start: Array, samples: Samples) -> Array:
-    """States (k, q, m) of x[i+1] = Phi x[i] + drive[i], x = `start` where a segment begins."""
+def between(Phi: Array, early: Array, late: Array, signal: Array, samples: Samples) -> Array:
+    """States (k, m, q) of `x[i+1] = Phi x[i] + early s[i] + late s[i+1]`, at rest where a segment
+    begins.
 
-    def advance(x, push):
-        return Phi @ x + push, x
+    The recursion of a loop, regrouped: within `STEP` samples the states are one matrix product of
+    the inputs and of the state at their head, and only heads are scanned.
+    """
+    powers = _powers(Phi)
+    flat = signal.reshape(-1)
+    inputs = flat.reshape(-1, STEP)
+    beyond = jnp.append(flat[STEP::STEP], flat[-1])
+    answers = jnp.stack([powers[:-1] @ early, powers[:-1] @ late])
+    lag = np.arange(STEP)[None, :] - np.arange(STEP)[:, None]  # input at i, state at j: j - i
+    by_early = jnp.where((lag > 0)[..., None], answers[0][np.maximum(lag - 1, 0)], 0.0)
+    # what the first input does late is in the head
+    known = (lag >= 0) & (np.arange(STEP) > 0)[:, None]
+    forced = by_early + jnp.where(known[..., None], answers[1][np.maximum(lag, 0)], 0.0)
+    at_end = answers[0][::-1] + jnp.concatenate([jnp.zeros((1, len(Phi))), powers[-2:0:-1] @ late])
+    gained = inputs @ at_end + beyond[:, None] * late
+    heads = _heads(powers[-1], gained, jnp.zeros(len(Phi)), samples)
+    return _within(powers, heads, samples) + (inputs @ forced.reshape(STEP, -1)).reshape(
+        *samples.u.shape, -1
+    )
 
-    def block(x, inputs):
-        push, first = inputs
-        return jax.lax.scan(advance, jnp.where(first, start, x), push)
 
-    push = jnp.swapaxes(drive, 1, 2) + _NOT_DENORMAL
+def free(Phi: Array, start: Array, samples: Samples) -> Array:
+    """States (k, m, q) of `x[i+1] = Phi x[i]`, from `start` where a segment begins."""
+    powers = _powers(Phi)
+    nothing = jnp.zeros((samples.u.size // STEP, len(Phi)))
+    return _within(powers, _heads(powers[-1], nothing, start, samples), samples)
+
+
+def _powers(Phi: Array) -> Array:
+    """`Phi^0 ... Phi^STEP` by doubling the list."""
+    powers, top = jnp.eye(len(Phi))[None], Phi
+    while len(powers) < STEP:
+        powers, top = jnp.concatenate([powers, powers @ top]), top @ top
+    return jnp.concatenate([powers, top[None]])
+
+
+def _heads(top: Array, gained: Array, start: Array, samples: Samples) -> Array:
+    """State at the first of every `STEP` samples."""
+    gained = gained + _NOT_DENORMAL
     if samples.n_segments == 1:
-        states = jax.lax.scan(advance, start, push.reshape(-1, start.size))[1]
-        return jnp.swapaxes(states.reshape(push.shape), 1, 2)
-    states = jax.lax.scan(block, jnp.zeros_like(start), (push, samples.first))[1]
-    return jnp.swapaxes(states, 1, 2)
+        return jax.lax.scan(lambda x, push: (top @ x + push, x), start, gained)[1]
+    first = jnp.zeros((len(samples.first), samples.u.shape[1] // STEP), bool)
+    first = first.at[:, 0].set(samples.first).reshape(-1)
+
+    def advance(x, inputs):
+        push, begins = inputs
+        x = jnp.where(begins, start, x)
+        return top @ x + push, x
+
+    return jax.lax.scan(advance, start, (gained, first))[1]
 
 
-def delayed(samples: Samples, d: Array) -> tuple[Array, Array, Array]:
+def _within(powers: Array, heads: Array, samples: Samples) -> Array:
+    """What heads alone lead to."""
+    steps = jnp.moveaxis(powers[:STEP], 2, 0).reshape(len(powers[0]), -1)
+    return (heads @ steps).reshape(*samples.u.shape, -1)
+
+
+def delayed(samples: Samples, d: Array) -> tuple[Array, Array]:
     """The held input after a delay of `d` samples.
 
-    With d = i - g, i an integer and 0 <= g < 1, the input is `early` (k, m) for the first 1 - g of
-    each sampling period and `late` (k, m) for the rest. Before a segment it is that of its first
-    sample. Returns `early, late, g`.
+    With d = i - g, i an integer and 0 <= g < 1, the input is that of a sample, `early` (k, m), for
+    the first 1 - g of each sampling period and that of the next for the rest. Before a segment it
+    is that of its first sample. Returns `early, g`.
     """
     whole = jnp.ceil(d)
     flat = samples.u.reshape(-1)
     at = jnp.arange(flat.size).reshape(samples.u.shape) - whole.astype(int)
-    origin = samples.origin[:, None]
-    early = flat[jnp.maximum(at, origin)]
-    late = flat[jnp.clip(at + 1, origin, flat.size - 1)]
-    return early, late, whole - d
+    return flat[jnp.maximum(at, samples.origin[:, None])], whole - d
 
 
 def solve(G: Array, rhs: Array) -> Array:
@@ -138,13 +181,13 @@ def _factor(G: Array) -> tuple[Array, Array]:
 def segment_grams(rows: Array, samples: Samples) -> Array:
     """Sums of products of the rows over each segment, (s, rows, rows)."""
     # the same for the weighted rows, which would become a slow loop of products
-    weighted = jax.lax.optimization_barrier(rows * samples.weight[:, None])
-    return _over_segments(weighted @ jnp.swapaxes(rows, 1, 2), samples)
+    weighted = jax.lax.optimization_barrier(rows * samples.weight[..., None])
+    return _over_segments(jnp.swapaxes(weighted, 1, 2) @ rows, samples)
 
 
 def segment_products(rows: Array, signal: Array, samples: Samples) -> Array:
     """Sums of products of the rows with one signal (k, m) over each segment, (s, rows)."""
-    return _over_segments(jnp.sum(rows * (samples.weight * signal)[:, None], -1), samples)
+    return _over_segments(jnp.einsum("km,kmp->kp", samples.weight * signal, rows), samples)
 
 
 def _over_segments(blocks: Array, samples: Samples) -> Array:
@@ -165,25 +208,21 @@ def eliminate(G: Array, count: int) -> tuple[Array, Array]:
 
 
 def signals(a: Array, d: Array, order: Order, samples: Samples) -> Array:
-    """The signals of which everything else is a combination, (k, 23, m)."""
+    """The signals of which everything else is a combination, (k, m, 23)."""
     A, B = companion(a, order)
-    first = jnp.eye(N_MAX)[0]
-    early, late, g = delayed(samples, d)
+    early, g = delayed(samples, d)
     H = _cascade(A, B)
     Phi, Gamma = hold(H, jnp.append(B, jnp.zeros(N_MAX)), jnp.stack([samples.dt, g * samples.dt]))
-    state, coupling = Phi[0, :N_MAX, :N_MAX], Phi[0, N_MAX:, :N_MAX]
-    drive = (Gamma[0] - Gamma[1])[:, None] * early[:, None] + Gamma[1][:, None] * late[:, None]
-    zero = jnp.zeros(N_MAX)
-    X = recurrence(state, drive[:, :N_MAX], zero, samples)
-    W = recurrence(state, coupling @ X + drive[:, N_MAX:], zero, samples)
-    F = recurrence(state.T, jnp.zeros_like(X), first, samples)
-    M = recurrence(state.T, coupling.T @ F, zero, samples)
-    live = order.has_pole[:, None]
-    one = jnp.broadcast_to(order.offset.astype(X.dtype), early.shape)
-    plain = jnp.stack([early, one, samples.y], 1)
-    rows = jnp.concatenate([X, plain, W, M * live, F * live], 1)
+    driven = between(Phi[0], Gamma[0] - Gamma[1], Gamma[1], early, samples)
+    # transposed, the second of the cascade drives the first
+    apart = free(Phi[0].T, jnp.eye(2 * N_MAX)[N_MAX], samples)
+    live = order.has_pole
+    one = jnp.broadcast_to(order.offset.astype(early.dtype), early.shape)
+    plain = jnp.stack([early, one, samples.y], -1)
+    X, W = driven[..., :N_MAX], driven[..., N_MAX:]
+    M, F = apart[..., :N_MAX] * live, apart[..., N_MAX:] * live
     # the barrier keeps XLA from making the rows again wherever they are used
-    return jax.lax.optimization_barrier(rows)
+    return jax.lax.optimization_barrier(jnp.concatenate([X, plain, W, M, F], -1))
 
 
 def _cascade(A: Array, B: Array) -> Array:
@@ -272,26 +311,34 @@ def project(
     L = linear_rows(a, order)
     of_segments = jnp.ones(raw.shape[0]) if fitted is None else fitted
     normal = L @ jnp.einsum("s,spq->pq", of_segments, grams) @ L.T
-    linear = Linear(jnp.zeros(N_LINEAR), jnp.zeros((raw.shape[0], N_MAX)))
-    residual = samples.y
-    for _ in range(2):
-        along = segment_products(rows, residual, samples)
+
+    def solved(along: Array) -> tuple[Linear, Array]:
+        """Linear parameters by products with what is to be explained, and products with the rest"""
         reduced = along[:, :KEPT] - jnp.einsum("sfp,sf->sp", into, along[:, KEPT:])
-        step = solve(normal, (L @ (of_segments @ reduced))[:, None])[:, 0]
+        beta = solve(normal, (L @ (of_segments @ reduced))[:, None])[:, 0]
         start = jax.vmap(lambda G, v: solve(G[F_, F_], v[:, None])[:, 0])(raw, along[:, KEPT:])
-        linear = Linear(linear.beta + step, linear.free + start - into @ (step @ L))
-        # a barrier, lest XLA make the residual again for each row that it is multiplied with
-        residual = jax.lax.optimization_barrier(samples.y - _output(linear, L, rows, samples))
-    along = segment_products(rows, residual, samples)
+        linear = Linear(beta, start - into @ (beta @ L))
+        return linear, along - jnp.einsum("spq,sq->sp", raw, _weights(linear, L))
+
+    first, _ = solved(raw[:, :, Y])
+    # barriers, lest XLA make the residual again for each row that it is multiplied with
+    left = jax.lax.optimization_barrier(samples.y - _output(first, L, rows, samples))
+    more, along = solved(segment_products(rows, left, samples))
+    linear = Linear(first.beta + more.beta, first.free + more.free)
+    residual = jax.lax.optimization_barrier(samples.y - _output(linear, L, rows, samples))
     reduced = along[:, :KEPT] - jnp.einsum("sfp,sf->sp", into, along[:, KEPT:])
     return Projected(linear, residual, grams, into, reduced)
 
 
+def _weights(linear: Linear, L: Array) -> Array:
+    """Weights of the rows in the simulated output, (s, 23)."""
+    both = jnp.broadcast_to(linear.beta @ L, (len(linear.free), KEPT))
+    return jnp.concatenate([both, linear.free], 1)
+
+
 def _output(linear: Linear, L: Array, rows: Array, samples: Samples) -> Array:
     """Simulated output (k, m)."""
-    of_block = jnp.broadcast_to(linear.beta @ L, (samples.segment.shape[0], KEPT))
-    weights = jnp.concatenate([of_block, linear.free[samples.segment]], 1)
-    return jnp.sum(weights[:, :, None] * rows, 1)
+    return jnp.einsum("kmp,kp->km", rows, _weights(linear, L)[samples.segment])
 
 
 def compress(a: Array, d: Array, order: Order, samples: Samples) -> tuple[Linear, Array, Array]:
@@ -324,7 +371,7 @@ def compress(a: Array, d: Array, order: Order, samples: Samples) -> tuple[Linear
 class Details(eqx.Module):
     """A finished fit, sample by sample.
 
-    `predicted` (k, m) is the simulated output. `sensitivities` (k, 13, m) are its derivatives with
+    `predicted` (k, m) is the simulated output. `sensitivities` (k, m, 13) are its derivatives with
     respect to `a`, delay, `b` and offset, free responses projected out.
     """
 
@@ -342,6 +389,6 @@ def detail(a: Array, d: Array, order: Order, samples: Samples, fitted: Array) ->
     L = linear_rows(a, order)
     J = nonlinear_rows(a, order, p.linear, samples.dt)
     T = jnp.concatenate([J, jnp.broadcast_to(L, (J.shape[0], *L.shape))], 1)
-    kept, F = rows[:, :KEPT], rows[:, F_]
-    projected = kept - jnp.swapaxes(p.into[samples.segment], 1, 2) @ F
-    return Details(p.linear.beta, samples.y - p.residual, T[samples.segment] @ projected)
+    projected = rows[..., :KEPT] - rows[..., F_] @ p.into[samples.segment]
+    sensitivities = projected @ jnp.swapaxes(T, 1, 2)[samples.segment]
+    return Details(p.linear.beta, samples.y - p.residual, sensitivities)
