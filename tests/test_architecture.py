@@ -18,7 +18,7 @@ PACKAGE = ROOT / "vdmsi_jax"
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
 LAYERS = (
-    {"errors", "units", "decode", "files", "parameters", "programs"},
+    {"errors", "units", "decode", "files", "parameters", "programs", "threads"},
     {"config"},
     {"data"},
     {"models", "effects", "model_file"},

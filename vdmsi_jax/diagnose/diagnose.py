@@ -13,6 +13,7 @@ from ..data.record import Record
 from ..data.session import in_session
 from ..errors import InputError
 from ..programs import make_room
+from ..threads import AT_ONCE, one_for_blas
 from .body_search import search_body
 from .found import Search
 from .leftover import is_another
@@ -48,7 +49,8 @@ def diagnose(
     Works in double precision, whatever the setting of JAX outside: paths are differenced here.
     """
     make_room()
-    with jax.enable_x64(True), np.errstate(all="ignore"):  # trials may leave every range
+    # trials may leave every range
+    with jax.enable_x64(True), np.errstate(all="ignore"), one_for_blas():
         return _diagnose(records, vehicle, noise or {}, told)
 
 
@@ -96,7 +98,7 @@ def _evidence(
         except InputError as why:
             return f"The {spec.name} was not looked at: {why}"
 
-    with ThreadPoolExecutor(2) as pool:  # one whitens while the other simulates
+    with ThreadPoolExecutor(AT_ONCE) as pool:  # one whitens while the other simulates
         looked = dict(zip(plants, pool.map(look, plants), strict=True))
     searches = {spec: found for spec, found in looked.items() if isinstance(found, Search)}
     unseen = [why for why in looked.values() if isinstance(why, str)]

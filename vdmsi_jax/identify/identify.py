@@ -15,6 +15,7 @@ from vdmsi_jax.data.record import Record
 from vdmsi_jax.identify.orders import order_grid
 from vdmsi_jax.identify.result import OrderGrid
 from vdmsi_jax.programs import make_room
+from vdmsi_jax.threads import one_for_blas
 
 
 def identify(
@@ -55,7 +56,8 @@ def identify(
             stacklevel=2,
         )
     make_room()
-    return order_grid(record, _held_out(record, options), spec, options)
+    with one_for_blas():
+        return order_grid(record, _held_out(record, options), spec, options)
 
 
 def _held_out(record: Record, options: IdentifyOptions) -> NDArray[np.bool_]:

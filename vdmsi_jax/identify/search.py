@@ -21,6 +21,7 @@ from vdmsi_jax.identify.layout import Samples
 from vdmsi_jax.identify.pairs import promising_pairs
 from vdmsi_jax.identify.refine import Candidate, Judged, judge, refine
 from vdmsi_jax.identify.response import N_MAX, Details, Order, detail
+from vdmsi_jax.threads import AT_ONCE
 
 _CUTOFFS = (1.0, 4.0)  # of the first filters, in units of the pole of the best first-order fit
 _NEW_POLES = (0.5, 5.0)  # where a nested start puts its extra pole, in the same units
@@ -200,18 +201,20 @@ class Search:
         return starts
 
     def _run(self, name: str, points: list[Point]) -> list[Point]:
-        """What a program makes of all points, a batch at a time."""
-
-        def batch(first: int) -> list[Point]:
-            part = points[first : first + self.lanes]
+        """What a program makes of all points, in batches that run side by side."""
+        parts = [points[k : k + self.lanes] for k in range(0, len(points), self.lanes)]
+        batches = []
+        for part in parts:
             padded = part + part[-1:] * (self.lanes - len(part))
             start, order = _stack(padded, delay=self.has_delay, offset=self.offset)
-            given = start if name == "refine" else start.candidate
-            out = self.programs[name](given, order, self.samples, self.longest)
-            return _unstack(out, part)
+            batches.append((start if name == "refine" else start.candidate, order))
 
-        starts = range(0, len(points), self.lanes)
-        return [point for first in starts for point in batch(first)]
+        def run(batch: tuple[Any, Order]) -> Judged | Candidate:
+            return self.programs[name](*batch, self.samples, self.longest)
+
+        with ThreadPoolExecutor(AT_ONCE) as pool:
+            found = pool.map(run, batches)
+            return [p for out, part in zip(found, parts, strict=True) for p in _unstack(out, part)]
 
 
 def simulate_points(
@@ -324,7 +327,7 @@ def _compile(structure: _Structure, lanes: int) -> dict[str, Any]:
         ),
         "judge": of_lanes(judge).lower(start.candidate, order, samples, longest),
     }
-    with ThreadPoolExecutor(2) as pool:
+    with ThreadPoolExecutor(AT_ONCE) as pool:
         return dict(
             zip(lowered, pool.map(lambda low: low.compile(), lowered.values()), strict=True)
         )
