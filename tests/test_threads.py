@@ -1,4 +1,4 @@
-"""NumPy's linear algebra works in one thread while the package computes, and as before afterwards."""
+"""Linear algebra works in one thread while the package computes, and as before afterwards."""
 
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
