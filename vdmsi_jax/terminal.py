@@ -2,18 +2,17 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from .compare import Comparison
-from .diagnose.document import in_words, left_over, title
-from .diagnose.result import Diagnosis
-from .diagnose.words import disturbed
-from .identify.result import OrderGrid
-from .reproduce import Experiments
+if TYPE_CHECKING:  # a command imports what it uses, which takes a second for all
+    from .compare import Comparison
+    from .diagnose.result import Diagnosis
+    from .identify.result import OrderGrid
+    from .reproduce import Experiments
 
 OUT = Console(highlight=False)
 ERR = Console(stderr=True, highlight=False)
@@ -54,7 +53,7 @@ def show_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     OUT.print(table)
 
 
-def show_grids(grids: Mapping[str, OrderGrid]) -> None:
+def show_grids(grids: Mapping[str, "OrderGrid"]) -> None:
     """The chosen order of each plant, and that of the least BIC where it differs."""
     rows = []
     for name, grid in grids.items():
@@ -79,7 +78,7 @@ def show_grids(grids: Mapping[str, OrderGrid]) -> None:
             OUT.print(f"{name}: {warning}", soft_wrap=True)
 
 
-def show_comparisons(comparisons: Sequence[Comparison]) -> None:
+def show_comparisons(comparisons: Sequence["Comparison"]) -> None:
     """FIT of each channel and translation errors of each model, a line per log and model."""
     channels = list(
         dict.fromkeys(c for k in comparisons for p in k.predictions.values() for c in p.scores)
@@ -98,7 +97,7 @@ def show_comparisons(comparisons: Sequence[Comparison]) -> None:
     show_table(header, rows)
 
 
-def show_reproduction(experiments: Sequence[Experiments]) -> None:
+def show_reproduction(experiments: Sequence["Experiments"]) -> None:
     """Table 3 and the end of figure 7, a line per car, scenario and model."""
     header = ["car", "scenario", "model", "ATE max m", "mean", "rmse", "without sensors, at exit m"]
     rows = [
@@ -120,8 +119,11 @@ VERDICTS = {
 }
 
 
-def show_diagnosis(diagnosis: Diagnosis) -> None:
+def show_diagnosis(diagnosis: "Diagnosis") -> None:
     """The verdict, each finding in words, what it gains, and what remains."""
+    from .diagnose.document import in_words, left_over, title
+    from .diagnose.words import disturbed
+
     OUT.print(VERDICTS[diagnosis.verdict], style="bold", soft_wrap=True)
     for i, finding in enumerate(diagnosis.findings, start=1):
         _say(f"{i}. {finding.sentence}")

@@ -1,5 +1,6 @@
 """Forward selection of causes, and the elimination of those that others have made needless."""
 
+import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -36,6 +37,7 @@ _STEADY = 1.5  # standard errors over blocks that a second cause must be likelie
 _LIGHT, _NAME = 0.15, 20.0  # damping of a mode, and what its name may cost
 _LITTLE = 0.02  # of what the poles are worth that tell a mode, which its name may cost
 _TOLD = 10.0  # what a pole for a delay may cost
+_LIKELIER = 4.0  # in twice the log-likelihood, that a smaller plant with a delay must be
 _MENDS = 0.06  # of what other causes are worth, likewise
 _GROWS, _GROWN = 50.0, 3  # what a cause in a small plant must gain for larger ones to be tried with
 # it, and how many causes or forms are
@@ -91,6 +93,7 @@ def climbed(
         if now is plain and not better:
             better = [f for f in fits if _rings(stage, f, plain, seen)]
             rings = bool(better)
+            better = better or [f for f in fits if _is_late(stage, f, plain)]
         if now is not plain:
             size = now.hypothesis.size(stage)
             better = [
@@ -218,12 +221,23 @@ def eliminate(
 def _told(stage: Stage, late: Refit, poles: Refit, seen: Mapping[tuple, Refit]) -> float:
     """What poles for a delay may cost: one pole a little, two more nothing; and beside other causes
     a part of what those are worth, since where their form is not exact, a delay mends it."""
+    if _is_late(stage, late, poles):
+        return -math.inf
     if poles.hypothesis.poles > late.hypothesis.poles + 1:
         return 0.0
     if backward(poles.hypothesis).size:  # a delay by another name
         return _TOLD
     plain = max(score(stage, f) for f in seen.values() if not f.hypothesis.active)
     return max(_TOLD, _MENDS * (score(stage, poles) - plain))
+
+
+def _is_late(stage: Stage, late: Refit, poles: Refit) -> bool:
+    """Whether a plant with a delay, and nothing else more, is likelier than a larger one without:
+    what a cause costs keeps poles from being told as a delay, but these are less likely, too."""
+    more = set(late.hypothesis.active) - set(poles.hypothesis.active)
+    delay = [stage.slots[number].cause for number in more] == ["transport_delay"]
+    smaller = late.hypothesis.size(stage) < poles.hypothesis.size(stage)
+    return delay and smaller and 2.0 * (late.loglik - poles.loglik) > _LIKELIER
 
 
 def without(stage: Stage, h: Hypothesis, number: int) -> Hypothesis:

@@ -18,7 +18,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from ..effects import AbstractEffect, Scales, Signals
 from ..models.extended_plant import acts, respond
-from ..models.observer_form import observer, slowness_of, steps_of
+from ..models.observer_form import effort_of_steps, observer, slowness_of, steps_of
 from ..models.state_space import StateSpace
 from ..parameters import Parameter, parameters
 from .noise import Noise, OwnNoise
@@ -342,13 +342,21 @@ class Unravel(eqx.Module):
 def _plants(theta, pace, h):
     """The plants of many vectors: system, state at rest, slowness, and steps over `h` seconds."""
 
+    def of(vector):
+        return vector[:POLES], vector[POLES : 2 * POLES], vector[np.array(LEADS)]
+
+    def effort(vector):
+        a, b, leads = of(vector)
+        return effort_of_steps(observer(a, b, pace)[0], leads, h)
+
     def one(vector):
-        a, b, leads = vector[:POLES], vector[POLES : 2 * POLES], vector[np.array(LEADS)]
+        a, b, leads = of(vector)
         system, rest = observer(a, b, pace)
         slowness = slowness_of(a, b, pace, leads)
-        steps = steps_of(system, leads, h)
+        steps = steps_of(system, leads, h, squarings)
         return (system.A, system.B, system.C, system.D), rest, slowness, steps
 
+    squarings = jnp.max(jax.vmap(effort)(theta))
     return jax.vmap(one)(theta)
 
 

@@ -209,12 +209,11 @@ class Search:
             start, order = _stack(padded, delay=self.has_delay, offset=self.offset)
             batches.append((start if name == "refine" else start.candidate, order))
 
-        def run(batch: tuple[Any, Order]) -> Judged | Candidate:
-            return self.programs[name](*batch, self.samples, self.longest)
+        def run(batch: tuple[Any, Order], part: list[Point]) -> list[Point]:
+            return _unstack(self.programs[name](*batch, self.samples, self.longest), part)
 
         with ThreadPoolExecutor(AT_ONCE) as pool:
-            found = pool.map(run, batches)
-            return [p for out, part in zip(found, parts, strict=True) for p in _unstack(out, part)]
+            return [point for found in pool.map(run, batches, parts) for point in found]
 
 
 def simulate_points(

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float, Int
 
-from vdmsi_jax.models.state_space import StateSpace, held
+from vdmsi_jax.models.state_space import StateSpace, held, squarings_of
 
 
 def observer(
@@ -55,10 +55,25 @@ def made_up_for(lead: Array | float) -> Array | float:
 
 
 def steps_of(
-    system: StateSpace, leads: Float[Array, "2"], h: Float[Array, ""]
+    system: StateSpace,
+    leads: Float[Array, "2"],
+    h: Float[Array, ""],
+    squarings: Int[Array, ""] | None = None,
 ) -> tuple[Float[Array, "n n"], Float[Array, "n 2"]]:
-    """A system's steps over `h` seconds: for a command, and for a force that leads it."""
-    return held(system.A, jnp.stack([system.B, led(system.B, leads)], axis=1), h)
+    """A system's steps over `h` seconds: for a command, and for a force that leads it; `squarings`
+    as in `held`."""
+    return held(system.A, _both(system, leads), h, squarings)
+
+
+def effort_of_steps(
+    system: StateSpace, leads: Float[Array, "2"], h: Float[Array, ""]
+) -> Int[Array, ""]:
+    """The squarings that `steps_of` takes."""
+    return squarings_of(system.A, _both(system, leads), h)
+
+
+def _both(system: StateSpace, leads: Float[Array, "2"]) -> Float[Array, "n 2"]:
+    return jnp.stack([system.B, led(system.B, leads)], axis=1)
 
 
 def led(B: Float[Array, " n"], leads: Float[Array, "2"]) -> Float[Array, " n"]:

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 BLOCK = 16  # samples a block: fewer make the scan long, more make the products within a block dear
 
@@ -64,13 +64,31 @@ class StateSpace(eqx.Module):
 
 
 def held(
-    A: Float[Array, "n n"], inputs: Float[Array, "n m"], dt: Float[Array, ""] | float
+    A: Float[Array, "n n"],
+    inputs: Float[Array, "n m"],
+    dt: Float[Array, ""] | float,
+    squarings: Int[Array, ""] | int | None = None,
 ) -> tuple[Float[Array, "n n"], Float[Array, "n m"]]:
-    """`StateSpace.discretise` for several inputs at once."""
+    """`StateSpace.discretise` for several inputs at once.
+
+    `squarings` are at least those that `squarings_of` asks for: the largest of a batch saves the
+    time of those that none of it needs, and the derivative in reverse.
+    """
     n, m = inputs.shape
-    augmented = jnp.zeros((n + m, n + m), A.dtype).at[:n, :n].set(A).at[:n, n:].set(inputs)
-    growth = _exponential_minus_identity(augmented * dt)
+    growth = _exponential_minus_identity(_augmented(A, inputs) * dt, squarings)
     return jnp.eye(n, dtype=A.dtype) + growth[:n, :n], growth[:n, n:]
+
+
+def squarings_of(
+    A: Float[Array, "n n"], inputs: Float[Array, "n m"], dt: Float[Array, ""] | float
+) -> Int[Array, ""]:
+    """How often the exponential of `held` is squared."""
+    return _squarings(_augmented(A, inputs) * dt).astype(int)
+
+
+def _augmented(A: Float[Array, "n n"], inputs: Float[Array, "n m"]) -> Float[Array, "p p"]:
+    n, m = inputs.shape
+    return jnp.zeros((n + m, n + m), A.dtype).at[:n, :n].set(A).at[:n, n:].set(inputs)
 
 
 class Motion(eqx.Module):
@@ -132,16 +150,22 @@ def _powers(Ad: Float[Array, "n n"]) -> Float[Array, "powers n n"]:
     return jnp.concatenate([powers, top[None]])
 
 
-def _exponential_minus_identity(M: Float[Array, "m m"]) -> Float[Array, "m m"]:
+def _squarings(M: Float[Array, "m m"]) -> Float[Array, ""]:
+    norm = lax.stop_gradient(jnp.max(jnp.sum(jnp.abs(M), axis=1)))
+    squarings = jnp.ceil(jnp.log2(jnp.maximum(norm / _SCALED_NORM, 1.0)))
+    return jnp.minimum(squarings, _MAX_SQUARINGS)
+
+
+def _exponential_minus_identity(
+    M: Float[Array, "m m"], most: Int[Array, ""] | int | None = None
+) -> Float[Array, "m m"]:
     """`exp(M) - I` by scaling and squaring of a Taylor series.
 
     Squaring the difference (`2 F + F F`) rather than the exponential keeps the small part of a slow
     pole beside a fast one. A fixed number of guarded squarings, instead of jax's branches over
     orders, compiles quickly, vmaps without cost and has both modes of differentiation.
     """
-    norm = lax.stop_gradient(jnp.max(jnp.sum(jnp.abs(M), axis=1)))
-    squarings = jnp.ceil(jnp.log2(jnp.maximum(norm / _SCALED_NORM, 1.0)))
-    squarings = jnp.minimum(squarings, _MAX_SQUARINGS)
+    squarings = _squarings(M)
     scaled = M * jnp.exp2(-squarings)
     identity = jnp.eye(M.shape[0], dtype=M.dtype)
 
@@ -157,4 +181,4 @@ def _exponential_minus_identity(M: Float[Array, "m m"]) -> Float[Array, "m m"]:
         )  # an unused square may overflow and poison the gradient
         return jnp.where(active, 2 * guarded + guarded @ guarded, grown)
 
-    return lax.fori_loop(0, _MAX_SQUARINGS, square, series)
+    return lax.fori_loop(0, _MAX_SQUARINGS if most is None else most, square, series)
