@@ -243,6 +243,10 @@ def added(bias: float) -> Cause:
     return Cause(measured=lambda y, d: y + bias)
 
 
+def added_by_travel(bias: float) -> Cause:
+    return Cause(measured=lambda y, d: y + np.where(d.v > 0.0, bias, -bias))
+
+
 def drift(rate: float, session: bool = False) -> Cause:
     return Cause(rows=lambda u, d: (1.0 + rate * (d.t + (d.begun if session else 0.0))) * u)
 

@@ -50,6 +50,7 @@ class Case:
         ragged: whether a response that sticks makes the likelihood ragged: the best fit from all
             probes counts, as in a search.
         screened: whether a screen finds the size, since no fit can.
+        reverses: whether the vehicle goes both ways.
     """
 
     cause: plain.Cause
@@ -59,6 +60,7 @@ class Case:
     second_order: bool = False
     ragged: bool = False
     screened: bool = False
+    reverses: bool = False
 
 
 def coupling(strength, of):
@@ -132,7 +134,8 @@ CASES = {
         plain.coasting(0.38, 0.3), (0.38, 0.3), (0.05, 0.1), second_order=True, ragged=True
     ),
     "PeriodicDisturbance": Case(plain.hum(0.81, 0.2, -0.15), (0.81, 0.2, -0.15), screened=True),
-    "Offset": Case(plain.added(-0.21), (-0.21,)),
+    "Offset itself": Case(plain.added(-0.21), (-0.21,)),
+    "Offset travel": Case(plain.added_by_travel(-0.21), (-0.21,), reverses=True),
 }
 
 NAMES = [label(effect) for effect in ACTUATOR]
@@ -149,6 +152,8 @@ def stage_of(name: str, poles: int) -> Stage:
     """The data of a case."""
     case = CASES[name]
     drives = [replace(d, u=d.u + case.lift) for d in DRIVES]
+    if case.reverses:
+        drives = [replace(d, v=d.v - 10.0) for d in drives]
     clean = [plain.respond(d, case.cause, TAU, FIRST if poles == 2 else 0.0) for d in drives]
     u, y = np.array([d.u for d in drives]), np.array(clean)
     y = y + np.random.default_rng(11).normal(scale=NOISE, size=y.shape)
@@ -233,7 +238,7 @@ def test_the_size_is_found(name, poles):
 def test_what_a_stage_leaves_out_is_nothing():
     """Lanes without memory go from row to row, and causes that are off are not computed: the same
     as with every cause on at next to no size."""
-    stage = stage_of("Offset", 1)
+    stage = stage_of("Offset itself", 1)
     vectors, nudged = [], []
     for slot in stage.slots:
         for probe in slot.effect.probes(stage.scales)[-2:]:

@@ -32,12 +32,14 @@ _BLOCKS, _JUDGING = 10, (2, 5, 8)  # parts of a single run, and which of them ar
 
 _FOREIGN = {
     "powertrain": {"speed_dependent_gain", "cross_coupling by speed"}
-    | {"cross_coupling by acceleration"},
+    | {"cross_coupling by acceleration", "offset by travel"},
     "steering": {"drag", "road_grade", "coulomb_friction against response"}
     | {f"cross_coupling by {by}" for by in ("signed", "size", "square", "slowed")},
 }
 _SESSION = {"gain_drift over session", "regime_change over session"}
 _VEHICLES_ONLY = {"cross_coupling", "speed_dependent_gain", "drag", "road_grade"}
+_BOTH_WAYS = {"offset by travel"}
+_REVERSED = 0.05  # of the time, that a vehicle moves the other way if it moves both ways
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,9 +233,12 @@ def stage_of(runs: Runs, spec: PlantSpec, reference: KnownNoise | None = None) -
     held = runs.held()
     name = spec.name if spec.name in _FOREIGN else "plant"
     is_vehicle = runs.records[0].vehicle is not None and name != "plant"
-    foreign = _FOREIGN.get(name, set()) | (set() if is_vehicle else _VEHICLES_ONLY)
+    foreign = _FOREIGN.get(name, set())
+    foreign = foreign | (set() if is_vehicle else _VEHICLES_ONLY | _BOTH_WAYS)
     if u.min() >= 0.0 or u.max() <= 0.0:  # there both forms are one
         foreign = foreign | {"gain_nonlinearity by skew", "quantization by truncation"}
+    if min(np.mean(v[seen] > 0.0), np.mean(v[seen] < 0.0)) < _REVERSED:
+        foreign = foreign | _BOTH_WAYS
     begun = np.array([[r.session] for r in runs.records])
     if np.ptp(begun) == 0.0:  # there is none, or it is the run
         foreign = foreign | _SESSION

@@ -69,7 +69,8 @@ ACTUATOR: tuple[AbstractEffect, ...] = (
     LoadedBacklash(),
     CoastingBacklash(),
     PeriodicDisturbance(),
-    Offset(),
+    Offset(by="itself"),
+    Offset(by="travel"),
 )
 """Every cause and form that an actuator may have, off, in the order in which they act."""
 
