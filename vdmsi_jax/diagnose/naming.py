@@ -8,7 +8,7 @@ import numpy as np
 
 from ..models.observer_form import made_up_for
 from . import swing
-from .body import CAUSES
+from .body import CAUSES, Body
 from .body_fit import BodyFit
 from .body_search import BodyFinding, BodySearch
 from .colour import whiten
@@ -43,6 +43,7 @@ _FORMS = {
     ("by", "slowed"): "in proportion to both commands",
     ("by", "speed"): "by the speed",
     ("by", "acceleration"): "by the acceleration",
+    ("by", "travel"): "to the other side in reverse",
 }
 
 
@@ -141,7 +142,7 @@ def of_body(search: BodySearch) -> list[Named]:
                 cause.cause,
                 cause.where,
                 cause.channel,
-                "",
+                _told_otherwise(cause.cause, parameters, search.body),
                 parameters,
                 finding.gain,
                 len(index),
@@ -150,6 +151,15 @@ def of_body(search: BodySearch) -> list[Named]:
             )  # fmt: skip
         )
     return found
+
+
+def _told_otherwise(cause: str, parameters: Mapping[str, Estimate], body: Body) -> str:
+    """How else a cause of the body is measured: understeer by the lateral acceleration, since
+    `L / R (1 + K v^2) = L / R + K L a` (Gillespie, Fundamentals of Vehicle Dynamics, 1992)."""
+    if cause != "understeer":
+        return ""
+    per_acceleration = parameters["gradient"].value * float(body.bicycle.wheelbase)
+    return f"of {per_acceleration:.2g} rad per m/s^2"
 
 
 def _stds(fit: BodyFit) -> dict[int, float]:

@@ -12,6 +12,8 @@ from jaxtyping import Bool, Float
 from ..data.record import Record
 from ..model_file import Model
 
+_FELT = 0.01  # of the mean translation error, below which a cause does nothing on the road
+
 Verdict = Literal["explained", "no_effect", "unexplained_structure"]
 
 
@@ -49,6 +51,15 @@ class Gain:
     ate_before: float | None = None
     ate_after: float | None = None
     typical: float = 0.0
+
+    @property
+    def cost(self) -> float:
+        """Mean translation error that it takes away, m: below a hundredth of it, or without a path,
+        zero."""
+        if self.ate_before is None or self.ate_after is None:
+            return 0.0
+        cost = self.ate_before - self.ate_after
+        return cost if cost > _FELT * self.ate_before else 0.0
 
 
 @dataclass(frozen=True)

@@ -80,10 +80,10 @@ class Evidence:
             (minor if small else findings).append(found)
         for found in rounded:
             (findings if found.share >= _COARSE else minor).append(found)
-        findings.sort(key=lambda f: -f.share)
+        findings.sort(key=_rank)
         beside = [f for f in findings if overshadowed(f, findings)]
         findings = [f for f in findings if f not in beside]
-        minor = sorted([*minor, *beside], key=lambda f: -f.share)
+        minor = sorted([*minor, *beside], key=_rank)
         budget = self._budget(sure, road)
         rounds = {f.channel: f.share for f in rounded}  # as much as a rounding may differ by itself
         serious = [
@@ -296,6 +296,11 @@ class Evidence:
             return "the third, sixth and ninth tenth of each stretch of the logs"
         judges = [r.name for r, spans in zip(runs.records, runs.judged, strict=True) if spans]
         return "whole logs: " + ", ".join(dict.fromkeys(judges))
+
+
+def _rank(found: Finding) -> tuple[float, float]:
+    """What orders findings: what they cost on the road, and then the share of their channel."""
+    return -found.gain.cost, -found.share
 
 
 def _largest(left: Iterable[Unexplained]) -> dict[str, float]:

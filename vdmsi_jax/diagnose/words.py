@@ -38,12 +38,12 @@ def sentence(f: Finding) -> str:
         share = f"{100.0 * g.typical:.0f} %"
         said.append(f"An event spoils it: half of the stretches lose {share} of their error.")
     if g.ate_before is not None and g.ate_after is not None:
-        cost = g.ate_before - g.ate_after
-        if cost > 0.01 * g.ate_before:
+        if g.cost > 0.0:
             said.append(
-                f"It costs {number(cost)} m of {number(g.ate_before)} m of mean translation error."
+                f"It costs {number(g.cost)} m of {number(g.ate_before)} m of mean translation "
+                "error."
             )
-        elif cost < -_SPOILT * g.ate_before:
+        elif g.ate_after > (1.0 + _SPOILT) * g.ate_before:
             said.append(
                 f"The path gets worse with it, from {number(g.ate_before)} to "
                 f"{number(g.ate_after)} m of mean translation error."
