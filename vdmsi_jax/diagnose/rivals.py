@@ -19,6 +19,7 @@ _CLOSE, _FORM, _FAR = 15.0, 0.1, 50.0  # lack, the same as a share of the gain, 
 _LOOPS = {"backlash", "coulomb_friction"}
 _LOOP = 0.25  # share of the gain, up to which blocks are asked which of them it is
 _LOOP_APART = 1.35  # standard errors that do: wrong ones had up to 1.2, right ones from 1.49 on
+_ABLE = 0.2  # share of the gain of a cause, that one in its place must promise or gain itself
 _TRIED = 5  # causes of a screen that are tried in the place of one
 _RIVALS = 8  # that are told
 
@@ -37,7 +38,7 @@ def findings_of(
         screened = screen(stage, less, fine=stage.slots[number].cause in RAGGED)
         probes = [joined(less.hypothesis, c) for c in screened if c.number == number]
         promised = next(iter(refit(stage, probes, rounds=1, further=0)), None)
-        able = (c for c in screened if c.number != number and c.gain > 0.2 * gain)
+        able = (c for c in screened if c.number != number and c.gain > _ABLE * gain)
         others = leading(stage, able, _TRIED)
         fits = refit(stage, [joined(less.hypothesis, c) for c in others])
         kept, own = set(less.hypothesis.active), stage.slots[number]
@@ -49,6 +50,7 @@ def findings_of(
             # the cause itself, not a larger plant that imitates the one it stands for
             if (bare := seen.get((*order_of(f.hypothesis), frozenset(kept)))) is not None
             and score(stage, f) > score(stage, bare)
+            and 2.0 * (f.loglik - bare.loglik) > _ABLE * gain
         ]
         best: dict[int, Refit] = {}
         for f in fits:

@@ -14,12 +14,13 @@ from .outcome import completed
 from .price import CAUSE_COST, score
 from .refit import refit
 from .rivals import findings_of
-from .selection import cleared, climbed, eliminate
+from .selection import cleared, climbed, eliminate, rings_rather
 from .stage import Stage
 from .starts import hilly
 
 SWAPS = 3
 SWAPPED = 2.0  # by which another cause must be better to take a place
+_AGAIN = 2  # failures after which the way is gone again without what failed
 _MUCH, SURE = 0.4, 2.5  # share of the error, and standard errors, that data held out bear out
 _SLOW = 2.5  # squared error over innovations, from which on a part of it is slow
 _CLOSE, _LASTS = 5.0, 0.2  # of the score, that a cause may lack; share that it must take elsewhere
@@ -58,7 +59,13 @@ def search(stage: Stage) -> Search:
             worst = _first_out(found.findings, worth)
             failed.append(Failed(found.findings[worst], found.final))
             numbers.add(findings[worst].number)
+            again = None
+            if len(failed) <= _AGAIN:
+                again, _, more = climbed(stage.but(numbers), plain, grid)
+                seen |= more
             now = _instead(stage, findings[worst].less, seen, numbers)
+            if again is not None and not now.hypothesis.active:
+                now = again  # a name that is worth less than its price, and yet told
         now, findings = _swapped(stage, now, seen, numbers, borne)
 
 
@@ -72,7 +79,9 @@ def _swapped(
         findings, other = findings_of(stage, now, seen)
         if other is None or failed & set(other.hypothesis.active):
             return now, findings
-        if score(stage, other) < score(stage, now) + SWAPPED:
+        if score(stage, other) < score(stage, now) + SWAPPED or rings_rather(
+            stage, now, other, seen
+        ):
             return now, findings
         now = other
     return now, findings_of(stage, now, seen)[0]

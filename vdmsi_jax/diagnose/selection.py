@@ -35,6 +35,7 @@ _MOST_CAUSES = 4
 _PROGRESS = 0.5  # of the score by a model beside a cause, below which nothing has got better
 _STEADY = 1.5  # standard errors over blocks that a second cause must be likelier by
 _LIGHT, _NAME = 0.15, 20.0  # damping of a mode, and what its name may cost
+_BESIDE = 0.1  # of what these are worth, that another cause may gain, or it comes first
 _LITTLE = 0.02  # of what the poles are worth that tell a mode, which its name may cost
 _TOLD = 10.0  # what a pole for a delay may cost
 _LIKELIER = 4.0  # in twice the log-likelihood, that a smaller plant with a delay must be
@@ -57,7 +58,7 @@ def climbed(
     def worth(h: Hypothesis, loglik: float) -> float:
         return 2.0 * loglik - price(stage, h)
 
-    now, rings = plain, False
+    now, rings, allowed = plain, False, set(stage.allowed)
     aside: list[Refit] = []
     screened: list[Candidate] = []
     seen: dict[tuple, Refit] = {key_of(f.hypothesis): f for f in grid.values()}
@@ -79,6 +80,9 @@ def climbed(
             starts += [h for f in aside for h in _beside(stage, f, score(stage, now))]
             if not rings:  # or the plant would take the mode back
                 starts += closest(stage, list(nested(stage, now.hypothesis)), 1)
+        starts, patient = (
+            [h for h in own if allowed >= set(h.active)] for own in (starts, patient)
+        )
         most = max((c.gain for c in promising), default=0.0)
         several = partial(refit, worth=worth, reach=max(_REACH, 0.5 * most))
         fits = several(stage, starts)
@@ -90,9 +94,10 @@ def climbed(
         seen |= {key_of(f.hypothesis): f for f in fits}
         least = score(stage, now) + (0.0 if now is plain else _PROGRESS)
         better = [f for f in fits if score(stage, f) > least]
-        if now is plain and not better:
-            better = [f for f in fits if _rings(stage, f, plain, seen)]
-            rings = bool(better)
+        if now is plain:
+            gained = max((score(stage, f) - score(stage, plain) for f in better), default=0.0)
+            modes = [f for f in fits if _rings(stage, f, plain, seen, gained)]
+            rings, better = bool(modes), modes or better
             better = better or [f for f in fits if _is_late(stage, f, plain)]
         if now is not plain:
             size = now.hypothesis.size(stage)
@@ -255,9 +260,12 @@ def cleared(stage: Stage, h: Hypothesis, keep: Iterable[int] = ()) -> np.ndarray
     return theta
 
 
-def _rings(stage: Stage, f: Refit, plain: Refit, seen: Mapping[tuple, Refit]) -> bool:
+def _rings(
+    stage: Stage, f: Refit, plain: Refit, seen: Mapping[tuple, Refit], other: float = 0.0
+) -> bool:
     """Whether a fit tells lightly damped poles of a larger plant by their name, as well as it, or
-    nearly all of what they are worth, and the mode is worth more than its name costs."""
+    nearly all of what they are worth, and the mode is worth more than its name costs, and far more
+    than what any `other` cause gains in the larger plant."""
     h, others = f.hypothesis, set(plain.hypothesis.active)
     named = [stage.slots[number] for number in h.active if number not in others]
     if [slot.cause for slot in named] != ["resonance"] or not others < set(h.active):
@@ -270,4 +278,14 @@ def _rings(stage: Stage, f: Refit, plain: Refit, seen: Mapping[tuple, Refit]) ->
     smaller = sum(order_of(h)) < sum(order_of(plain.hypothesis))
     worth, lacks = (score(stage, plain) - score(stage, other) for other in (bare, f))
     most = min(0.5 * worth, max(_NAME, _LITTLE * worth))
-    return bool(smaller and damping < _LIGHT and lacks < most)
+    return bool(smaller and damping < _LIGHT and lacks < most and other < _BESIDE * worth)
+
+
+def rings_rather(stage: Stage, f: Refit, other: Refit, seen: Mapping[tuple, Refit]) -> bool:
+    """Whether a fit tells by its name a mode that another one tells by poles, beside a cause that
+    is worth little."""
+    shared = frozenset(f.hypothesis.active) & set(other.hypothesis.active)
+    poles = seen.get((*order_of(other.hypothesis), shared))
+    if poles is None:
+        return False
+    return _rings(stage, f, poles, seen, score(stage, other) - score(stage, poles))

@@ -6,6 +6,7 @@ of up to four poles whose missing coefficients are zero, so every order and ever
 the same program.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -178,6 +179,10 @@ class Stage:
         signals = replace(signals, **{name: getattr(signals, name)[used] for name in PER_RUN})
         parts = {name: getattr(self, name)[used] for name in ("u", "y", "mask", "held_out")}
         return replace(self, signals=signals, **parts)
+
+    def but(self, numbers: Collection[int]) -> "Stage":
+        """The same where some causes may not act."""
+        return replace(self, allowed=tuple(k for k in self.allowed if k not in numbers))
 
     def simulate(self, theta: Float[np.ndarray, "L P"]) -> Float[np.ndarray, "L R N"]:
         """The response of each of the vectors to the commands of all runs.
