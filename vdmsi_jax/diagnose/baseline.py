@@ -62,7 +62,7 @@ def closest(stage: Stage, starts: Sequence[Hypothesis], kept: int = 2) -> list[H
     errors = np.sum((y - seen) ** 2, axis=1)
     picked: dict[tuple, list[int]] = {}
     for k in np.argsort(np.where(np.isfinite(errors), errors, np.inf)):
-        own = picked.setdefault(key_of(starts[k]), [])
+        own = picked.setdefault(starts[k].kind, [])
         if len(own) < kept:
             own.append(int(k))
     return [starts[k] for own in picked.values() for k in own]
@@ -72,7 +72,7 @@ def best_of_each(fits: Sequence[Refit]) -> list[Refit]:
     """The best fit of each order with each set of causes; those that failed are left out."""
     best: dict[tuple, Refit] = {}
     for f in fits:
-        key = key_of(f.hypothesis)
+        key = f.hypothesis.kind
         if math.isfinite(f.loglik) and (key not in best or f.loglik > best[key].loglik):
             best[key] = f
     return list(best.values())
@@ -81,8 +81,3 @@ def best_of_each(fits: Sequence[Refit]) -> list[Refit]:
 def order_of(h: Hypothesis) -> tuple[int, int]:
     """Numbers of poles and zeros."""
     return h.poles, h.zeros
-
-
-def key_of(h: Hypothesis) -> tuple:
-    """What two hypotheses of one kind share: poles, zeros, and the causes that are on."""
-    return h.poles, h.zeros, frozenset(h.active)

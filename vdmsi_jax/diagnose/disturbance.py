@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 
 from .windows import SLOW, history, moving_mean
 
-_SURROGATES = 200
+_SURROGATES, _AT_ONCE = 200, 20
 _STRETCH = 0.5  # s, over which energy is summed
 _PASTS = (0.3, 1.0, 3.0)  # s, of what is asked, that an error may remember
 _FLOOR = 1e-3  # of the mean energy, below which a stretch is as good as quiet
@@ -67,25 +67,27 @@ def scores(
     sizes = np.sqrt(np.sum(rows**2, axis=1))
     rows = rows[sizes > 0] / sizes[sizes > 0, None]
 
-    def told(e: np.ndarray) -> tuple[float, float]:
-        energy = _stretches(e**2, length)[whole]
-        energy = np.log(energy + _FLOOR * energy.mean() + 1e-300)
-        energy = energy - energy.mean()
-        along = np.abs(rows @ energy).max(initial=0.0) / np.sqrt(np.sum(energy**2) + 1e-300)
-        slow = moving_mean(e, SLOW, dt)[mask]
-        slow = slow - slow.mean()
-        return float(along), float(np.log(np.mean(slow**4) / np.mean(slow**2) ** 2))
+    def told(e: Float[np.ndarray, "S R N"]) -> Float[np.ndarray, "2 S"]:
+        energy = _stretches(e**2, length)[:, whole]
+        energy = np.log(energy + _FLOOR * energy.mean(axis=1, keepdims=True) + 1e-300)
+        energy = energy - energy.mean(axis=1, keepdims=True)
+        along = np.abs(energy @ rows.T).max(axis=1, initial=0.0)
+        along /= np.sqrt(np.sum(energy**2, axis=1) + 1e-300)
+        slow = moving_mean(e, SLOW, dt)[:, mask]
+        slow = slow - slow.mean(axis=1, keepdims=True)
+        squares = slow**2
+        rare = np.mean(squares**2, axis=1) / np.mean(squares, axis=1) ** 2
+        return np.stack([along, np.log(rare)])
 
     e = np.where(mask, e, 0.0)
-    spectrum = np.fft.rfft(e, axis=1)
-    own, others = np.array(told(e)), []
-    for _ in range(_SURROGATES):
-        phases = np.exp(2j * np.pi * rng.random(spectrum.shape))
-        others.append(
-            told(np.where(mask, np.fft.irfft(spectrum * phases, e.shape[1], axis=1), 0.0))
-        )
-    middle, spread = np.mean(others, axis=0), np.std(others, axis=0)
-    along, rare = (own - middle) / np.maximum(spread, 1e-12)
+    spectrum, others = np.fft.rfft(e, axis=1), []
+    for _ in range(_SURROGATES // _AT_ONCE):
+        phases = np.exp(2j * np.pi * rng.random((_AT_ONCE, *spectrum.shape)))
+        surrogates = np.fft.irfft(spectrum * phases, e.shape[1], axis=2)
+        others.append(told(np.where(mask, surrogates, 0.0)))
+    every = np.concatenate(others, axis=1)
+    middle, spread = every.mean(axis=1), every.std(axis=1)
+    along, rare = (told(e[None])[:, 0] - middle) / np.maximum(spread, 1e-12)
     return float(along), float(rare)
 
 

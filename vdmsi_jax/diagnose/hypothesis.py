@@ -69,6 +69,11 @@ class Hypothesis:
         """The paper's name of the order."""
         return f"P{self.poles}Z{self.zeros}"
 
+    @property
+    def kind(self) -> tuple[int, int, frozenset[int]]:
+        """What two of one kind share: poles, zeros, and the causes that are on."""
+        return self.poles, self.zeros, frozenset(self.active)
+
 
 @dataclass(frozen=True, eq=False)
 class Refit:

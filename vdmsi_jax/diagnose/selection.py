@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from .baseline import best_of_each, closest, grown, key_of, order_of
+from .baseline import best_of_each, closest, grown, order_of
 from .hypothesis import Hypothesis, Refit
 from .outcome import steadiness
 from .price import price, score
@@ -61,7 +61,7 @@ def climbed(
     now, rings, allowed = plain, False, set(stage.allowed)
     aside: list[Refit] = []
     screened: list[Candidate] = []
-    seen: dict[tuple, Refit] = {key_of(f.hypothesis): f for f in grid.values()}
+    seen: dict[tuple, Refit] = {f.hypothesis.kind: f for f in grid.values()}
     while len(now.hypothesis.active) < _MOST_CAUSES:
         candidates = screen(stage, now)
         screened = screened or candidates
@@ -91,7 +91,7 @@ def climbed(
         fits = best_of_each([*fits, *refit(stage, mirrored(stage, fits))])
         if now is plain:
             fits += [f for small in _strongest(stage, fits, grid) for f in grown(stage, small)]
-        seen |= {key_of(f.hypothesis): f for f in fits}
+        seen |= {f.hypothesis.kind: f for f in fits}
         least = score(stage, now) + (0.0 if now is plain else _PROGRESS)
         better = [f for f in fits if score(stage, f) > least]
         if now is plain:

@@ -6,7 +6,7 @@ of up to four poles whose missing coefficients are zero, so every order and ever
 the same program.
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -217,8 +217,7 @@ class Stage:
         """The plants of vectors, with steps over `h` seconds."""
         starts = range(0, len(theta), _PAIRS)
         parts = [_plants(_padded(theta[k : k + _PAIRS]), self.pace, h) for k in starts]
-        whole = jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
-        return jax.tree.map(lambda leaf: leaf[: len(theta)], whole)
+        return jax.tree.map(lambda *leaves: _joined(leaves)[: len(theta)], *parts)
 
     @cached_property
     def level(self) -> Float[np.ndarray, " R"]:
@@ -307,6 +306,10 @@ def _longer(rows: Float[np.ndarray, "pairs N"]) -> Float[Array, "pairs M"]:
 def _padded(rows: np.ndarray) -> np.ndarray:
     """As many rows as the program takes, with the first again for those that lack."""
     return np.concatenate([rows, np.repeat(rows[:1], _PAIRS - len(rows), axis=0)])
+
+
+def _joined(parts: Sequence[ArrayLike]) -> np.ndarray:
+    return np.asarray(parts[0]) if len(parts) == 1 else np.concatenate(parts)
 
 
 class _Inert(AbstractEffect):

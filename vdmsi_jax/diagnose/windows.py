@@ -10,12 +10,14 @@ SLOW = 1.0
 """Length of the mean that is the slow part of an error, s."""
 
 
-def moving_mean(x: Float[np.ndarray, "R N"], seconds: float, dt: float) -> Float[np.ndarray, "R N"]:
+def moving_mean(
+    x: Float[np.ndarray, "... N"], seconds: float, dt: float
+) -> Float[np.ndarray, "... N"]:
     """Centred mean over some seconds, the ends repeated."""
     half = max(1, round(0.5 * seconds / dt))
-    padded = np.pad(x, ((0, 0), (half, half)), mode="edge")
-    total = np.cumsum(np.pad(padded, ((0, 0), (1, 0))), axis=1)
-    return (total[:, 2 * half + 1 :] - total[:, : -2 * half - 1]) / (2 * half + 1)
+    before, after = (np.repeat(x[..., at, None], half, axis=-1) for at in (0, -1))
+    total = np.cumsum(np.concatenate([np.zeros_like(x[..., :1]), before, x, after], -1), axis=-1)
+    return (total[..., 2 * half + 1 :] - total[..., : -2 * half - 1]) / (2 * half + 1)
 
 
 def history(x: Float[np.ndarray, "R N"], seconds: float, dt: float) -> Float[np.ndarray, "R N"]:

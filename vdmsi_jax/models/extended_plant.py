@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from functools import partial
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -303,15 +304,23 @@ def _through(
     signals: Signals,
     on: Bool[Array, " effects"] | None,
 ) -> Float[Array, " M"]:
-    """A signal behind the effects at its port."""
-    for i, effect in enumerate(effects):
-        if acts(effect, port):
-            act = getattr(effect, port)
-            if on is None:
-                x = act(x, signals)
-            else:
-                x = lax.cond(on[i], lambda x, act=act: act(x, signals), lambda x: x, x)
-    return x
+    """A signal behind the effects at its port. A choice that passes a signal on copies it, so that
+    those that are off are passed by together, in halves."""
+    acting = [i for i, effect in enumerate(effects) if acts(effect, port)]
+    for i in acting if on is None else ():
+        x = getattr(effects[i], port)(x, signals)
+
+    def through(some: list[int], x: Array) -> Array:
+        if len(some) == 1:
+            return getattr(effects[some[0]], port)(x, signals)
+        half = len(some) // 2
+        return chosen(some[half:], chosen(some[:half], x))
+
+    def chosen(some: list[int], x: Array) -> Array:
+        assert on is not None
+        return lax.cond(jnp.any(on[np.array(some)]), partial(through, some), lambda x: x, x)
+
+    return x if on is None or not acting else chosen(acting, x)
 
 
 def _dynamics(

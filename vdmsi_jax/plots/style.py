@@ -14,6 +14,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import AutoLocator
 
 P = ParamSpec("P")
 
@@ -32,6 +33,8 @@ COLOURS = {
     "held out": "#cc79a7",
 }
 SPARE = ("#e69f00", "#56b4e9", "#cc79a7", "#009e73", "#d55e00")
+
+_TICKS = 5  # intervals along an axis: a report has some fifty axes, and most of its time is ticks
 
 WIDTH = 9.0  # inches: the report's text width
 
@@ -80,7 +83,13 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
     @functools.wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> Figure:
         with rc_context(_STYLE):
-            return draw(*args, **kwargs)
+            figure = draw(*args, **kwargs)
+        for axes in figure.axes:
+            for axis in (axes.xaxis, axes.yaxis):
+                locator = axis.get_major_locator()
+                if isinstance(locator, AutoLocator):
+                    locator.set_params(nbins=_TICKS)
+        return figure
 
     return drawn
 
