@@ -1,5 +1,9 @@
 """Compiled programs are forgotten before they use up a process's memory maps."""
 
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+
 import jax
 import jax.numpy as jnp
 import pytest
@@ -47,3 +51,32 @@ def test_a_system_that_does_not_tell_is_left_alone(doubled, monkeypatch, tmp_pat
     monkeypatch.setattr(programs, "_MAPS", tmp_path / "none")
     programs.make_room()
     assert doubled._cache_size() == 1
+
+
+def test_of_threads_that_come_at_once_one_compiles(monkeypatch):
+    """The others wait until it has; afterwards nobody waits."""
+    monkeypatch.setattr(programs, "_compiled", set())
+    events, started = [], threading.Barrier(4)
+
+    def call(number):
+        started.wait(10.0)
+        with programs.compiled_once("key"):
+            events.append(("begins", number))
+            time.sleep(0.1)
+            events.append(("ends", number))
+
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(call, range(4)))
+    first = events[0][1]
+    assert events[:2] == [("begins", first), ("ends", first)]
+    assert len(events) == 8 and "key" in programs._compiled
+
+
+def test_a_call_that_fails_leaves_the_next_to_compile(monkeypatch):
+    monkeypatch.setattr(programs, "_compiled", set())
+    with pytest.raises(ZeroDivisionError), programs.compiled_once("key"):
+        _ = 1 / 0
+    assert "key" not in programs._compiled
+    with programs.compiled_once("key"):
+        pass
+    assert "key" in programs._compiled

@@ -1,5 +1,8 @@
-"""Compiled programs: how many of them a process may hold."""
+"""Compiled programs: how many of them a process may hold, and who compiles them."""
 
+import threading
+from collections.abc import Hashable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import jax
@@ -23,3 +26,24 @@ def make_room() -> None:
         return
     if held > _SHARE * limit:
         jax.clear_caches()
+        _compiled.clear()
+
+
+_compiled: set[Hashable] = set()
+_compiling = threading.Lock()
+
+
+@contextmanager
+def compiled_once(key: Hashable) -> Iterator[None]:
+    """Let one thread call a program for the first time, and those that come meanwhile wait for it,
+    who would all trace and compile it.
+
+    Args:
+        key: what tells the program and the shapes that it takes apart from others.
+    """
+    if key in _compiled:
+        yield
+        return
+    with _compiling:
+        yield
+        _compiled.add(key)

@@ -203,15 +203,26 @@ class Body:
 
     def simulate(self, theta: Float[np.ndarray, "L P"]) -> dict[str, Float[np.ndarray, "L R N"]]:
         """Every channel at each vector."""
-        lanes, parts = _LANES, []
-        for start in range(0, len(theta), lanes):
-            part = theta[start : start + lanes]
-            padded = np.concatenate([part, np.repeat(part[:1], lanes - len(part), axis=0)])
-            given = self.v, self.delta, self.bicycle, self.dt, self.by_yaw_rate
-            y = _simulate(VEHICLE, padded, *given, self.window)
-            parts.append([np.asarray(x)[: len(part)] for x in y])
+        parts = []
+        for start in range(0, len(theta), _LANES):
+            turned, moved, _ = self._moved(theta[start : start + _LANES], self.v, self.delta)
+            parts.append((turned, *moved))
         joined = [np.concatenate(x) for x in zip(*parts, strict=True)]
         return {c: y for c, y in zip(CHANNELS, joined, strict=True) if c in self.measured}
+
+    def travel(
+        self, theta: Float[np.ndarray, " P"], v: np.ndarray, delta: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Yaw rate and pose, (runs, N) each, from speeds and angles; poses begin at zero."""
+        r, _, pose = self._moved(theta[None], v, delta)
+        return r[0], *(x[0] for x in pose)
+
+    def _moved(self, theta: Float[np.ndarray, "L P"], v: np.ndarray, delta: np.ndarray):
+        """Yaw rates, increments and poses of no more vectors than a program takes."""
+        padded = np.concatenate([theta, np.repeat(theta[:1], _LANES - len(theta), axis=0)])
+        given = self.bicycle, self.dt, self.by_yaw_rate, self.window
+        moved = _simulate(VEHICLE, padded, v, delta, *given)
+        return jax.tree.map(lambda x: np.asarray(x)[: len(theta)], moved)
 
 
 def increments(x, y, psi, window: int, xp=np):
@@ -230,30 +241,13 @@ def increments(x, y, psi, window: int, xp=np):
 @eqx.filter_jit
 def _simulate(effects, theta, v, delta, bicycle: Bicycle, dt, by_yaw_rate: bool, window: int):
     def one(vector, v, delta):
-        r, x, y, psi = _motion(effects, vector, v, delta, bicycle, dt, by_yaw_rate)
-        return r, *increments(x, y, psi, window, jnp)
+        r, *pose = _motion(effects, vector, v, delta, bicycle, dt, by_yaw_rate)
+        return r, increments(*pose, window, jnp), tuple(pose)
 
     over_runs = jax.vmap(one, in_axes=(None, 0, 0))
     return jax.vmap(over_runs, in_axes=(0, None, None))(
         jnp.asarray(theta), jnp.asarray(v), jnp.asarray(delta)
     )
-
-
-@eqx.filter_jit
-def _travel(effects, theta, v, delta, bicycle: Bicycle, dt, by_yaw_rate: bool):
-    def one(v, delta):
-        return _motion(effects, theta, v, delta, bicycle, dt, by_yaw_rate)
-
-    return jax.vmap(one)(jnp.asarray(v), jnp.asarray(delta))
-
-
-def travel(
-    body: Body, theta: Float[np.ndarray, " P"], v: np.ndarray, delta: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Yaw rate and pose, (runs, N) each, from speeds and angles; poses begin at zero."""
-    given = v, delta, body.bicycle, body.dt, body.by_yaw_rate
-    r, x, y, psi = _travel(VEHICLE, jnp.asarray(theta), *given)
-    return np.asarray(r), np.asarray(x), np.asarray(y), np.asarray(psi)
 
 
 def _motion(registered, vector, v, delta, bicycle, dt, by_yaw_rate):

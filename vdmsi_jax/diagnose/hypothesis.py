@@ -122,8 +122,13 @@ class Lane:
     slopes: np.ndarray | None = None  # (p, R, N) differences, None where they are wanted anew
     drift: float = 0.0  # gain since they were taken
     white_error: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))  # (R, N)
+    energy: float = 0.0  # of it
     white_states: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))  # (n, N)
     white_slopes: np.ndarray | None = None
+
+    def leave(self, white_error: np.ndarray) -> None:
+        """Note what is left of the measurement, white."""
+        self.white_error, self.energy = white_error, float(np.sum(white_error**2))
 
 
 def responses(stage: Stage, hypotheses: Sequence[Hypothesis]) -> Float[np.ndarray, "L R N"]:
@@ -185,6 +190,8 @@ def states_of(stage: Stage, h: Hypothesis) -> np.ndarray:
 def bounded(stage: Stage, y: np.ndarray) -> np.ndarray:
     """Responses that an unstable trial made huge or not finite, cut to a size that loses."""
     huge = 1e4 * max(stage.scales.response, np.abs(stage.y).max())
+    if y.size == 0 or max(y.max(), -y.min()) < huge:  # neither holds of what is not a number
+        return y
     return np.clip(np.nan_to_num(y, nan=huge, posinf=huge, neginf=-huge), -huge, huge)
 
 
@@ -198,7 +205,7 @@ def whitened(x: np.ndarray, lane: Lane, counted: np.ndarray) -> np.ndarray:
 
 def variance_of(lane: Lane, counted: np.ndarray) -> float:
     """Of the innovations, as a lane stands."""
-    return max(float(np.sum(lane.white_error**2)) / counted.sum(), 1e-300)
+    return max(lane.energy / counted.sum(), 1e-300)
 
 
 def _prior(stage: Stage, lane: Lane, counted: np.ndarray) -> float:
@@ -221,18 +228,16 @@ def project(
 ) -> Float[np.ndarray, "q q"]:
     """Products of white rows, what the best free states of each run explain taken out."""
     prior = _prior(stage, lane, counted) * np.eye(len(lane.white_states))
-    gram = np.zeros((len(rows), len(rows)))
-    for r, use in enumerate(counted):
-        own, f = rows[:, r], lane.white_states * use
-        across = own @ f.T
-        gram += own @ own.T - across @ np.linalg.solve(f @ f.T + prior, across.T)
-    return gram
+    own, f = np.swapaxes(rows, 0, 1), lane.white_states * counted[:, None]
+    across, turned = own @ np.swapaxes(f, 1, 2), np.swapaxes(own, 1, 2)
+    states = np.linalg.solve(f @ np.swapaxes(f, 1, 2) + prior, np.swapaxes(across, 1, 2))
+    return np.sum(own @ turned - across @ states, axis=0)
 
 
 def repaint(stage: Stage, lane: Lane, counted: np.ndarray) -> None:
     """Whiten all of a lane by its colour."""
     lane.white_states = whiten(lane.states.T[None], lane.colour[None])[0]
-    lane.white_error = whitened(residual(stage, lane.y), lane, counted)
+    lane.leave(whitened(residual(stage, lane.y), lane, counted))
     if lane.slopes is not None:
         lane.white_slopes = whitened(lane.slopes, lane, counted)
 
@@ -245,8 +250,6 @@ def with_states(stage: Stage, lane: Lane, counted: np.ndarray) -> Float[np.ndarr
 def free_states(stage: Stage, lane: Lane, counted: np.ndarray) -> Float[np.ndarray, "R n"]:
     """The states at the start of each run that fit best."""
     prior = _prior(stage, lane, counted) * np.eye(len(lane.white_states))
-    found = []
-    for r, use in enumerate(counted):
-        f = lane.white_states * use
-        found.append(np.linalg.solve(f @ f.T + prior, f @ lane.white_error[r]))
-    return np.stack(found)
+    f = lane.white_states * counted[:, None]
+    toward = f @ lane.white_error[..., None]
+    return np.linalg.solve(f @ np.swapaxes(f, 1, 2) + prior, toward)[..., 0]

@@ -214,7 +214,8 @@ def _move(
     lane.slopes = lane.slopes + along * surprise
     surprise = lane.white_error - white - np.tensordot(step, lane.white_slopes, axes=1)
     lane.white_slopes = lane.white_slopes + along * surprise
-    lane.y, lane.white_error = y, white
+    lane.y = y
+    lane.leave(white)
     lane.hypothesis = replace(lane.hypothesis, theta=theta)
     lane.states = states_of(stage, lane.hypothesis)
     lane.white_states = whiten(lane.states.T[None], lane.colour[None])[0]

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from .body import travel
 from .body_search import BodySearch
 from .found import Search
 from .hypothesis import Hypothesis, responses
@@ -45,7 +44,7 @@ class Road:
     def _drive(self, responses: Mapping[str, np.ndarray], theta: np.ndarray) -> np.ndarray:
         """(runs, N, 3) poses; each begins at the measured pose where its held-out part begins."""
         v, delta = (responses.get(c, self.measured[c]) for c in ("v", "delta"))
-        _, x, y, psi = travel(self.bodily.body, theta, v, delta)
+        _, x, y, psi = self.bodily.body.travel(theta, v, delta)
         found = np.full(self.pose.shape, np.nan)
         for i, a, b in self.drives:
             turn = self.pose[i, a, 2] - psi[i, a]

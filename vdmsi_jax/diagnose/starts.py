@@ -275,10 +275,13 @@ def _fitted(
     """Squared errors of the measured response by least squares on each candidate's rows and a
     level, and the shares of the rows."""
     seen = stage.y[stage.mask]
-    errors, shares = [], []
-    for rows in candidates:
-        shape = np.stack([*rows, np.ones_like(seen)], axis=1)
-        found, *_ = np.linalg.lstsq(shape, seen, rcond=None)
-        errors.append(float(np.sum((seen - shape @ found) ** 2)))
-        shares.append(found[:-1])
-    return np.array(errors), shares
+    rows = np.array(candidates, float)
+    ones = np.ones((len(rows), 1, seen.size))
+    shape = np.concatenate([rows, ones], axis=1)
+    size = np.sqrt(np.mean(shape**2, axis=2))
+    shape /= np.where(size > 0.0, size, 1.0)[..., None]
+    normal = shape @ np.swapaxes(shape, 1, 2)
+    normal += 1e-12 * seen.size * np.eye(shape.shape[1])
+    found = np.linalg.solve(normal, shape @ seen[:, None])
+    errors = np.sum((seen - np.sum(shape * found, axis=1)) ** 2, axis=1)
+    return errors, list((found[..., 0] / np.where(size > 0.0, size, 1.0))[:, :-1])

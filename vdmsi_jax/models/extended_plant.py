@@ -17,6 +17,8 @@ from vdmsi_jax.models.plant import AbstractPlant, AbstractTrace, PlantResponse
 from vdmsi_jax.models.state_space import StateSpace, propagate
 from vdmsi_jax.models.transfer_function import TransferFunction
 
+_TOGETHER = 5  # effects that are passed by at once
+
 
 class ExtendedTrace(AbstractTrace):
     """A response known at sub-steps, and linear between them."""
@@ -305,7 +307,7 @@ def _through(
     on: Bool[Array, " effects"] | None,
 ) -> Float[Array, " M"]:
     """A signal behind the effects at its port. A choice that passes a signal on copies it, so that
-    those that are off are passed by together, in halves."""
+    those that are off are passed by together, a few at a time."""
     acting = [i for i, effect in enumerate(effects) if acts(effect, port)]
     for i in acting if on is None else ():
         x = getattr(effects[i], port)(x, signals)
@@ -313,8 +315,10 @@ def _through(
     def through(some: list[int], x: Array) -> Array:
         if len(some) == 1:
             return getattr(effects[some[0]], port)(x, signals)
-        half = len(some) // 2
-        return chosen(some[half:], chosen(some[:half], x))
+        size = 1 if len(some) <= _TOGETHER else _TOGETHER
+        for start in range(0, len(some), size):
+            x = chosen(some[start : start + size], x)
+        return x
 
     def chosen(some: list[int], x: Array) -> Array:
         assert on is not None
