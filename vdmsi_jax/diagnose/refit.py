@@ -39,7 +39,6 @@ from .windows import inverse
 _SETTLED = 0.05  # gain of twice the log-likelihood by a step after which a lane rests
 _HELPS = 2.0  # gain above which steps make slopes old, and old ones still help
 _FAR = 10.0  # gain of a round, above which another follows
-_BEHIND = 20.0  # in it, of another start of the same kind, from which on a lane is left behind
 _FEW = 8  # lanes, for which differences cost next to nothing
 _DAMPINGS = (0.1, 3.0, 100.0)
 
@@ -86,21 +85,9 @@ def refit(
             under_way = lanes
         elif k + 1 >= rounds:
             under_way = [x for x, g in zip(under_way, gained, strict=True) if g > _FAR]
-        under_way = _ahead(under_way, int(counted.sum()))
         if not under_way:
             break
     return _finish(stage, lanes, counted)
-
-
-def _ahead(lanes: Sequence[Lane], samples: int) -> list[Lane]:
-    """Those that lead among the lanes of their kind, or lie close behind: others stay where they
-    are."""
-    least: dict[tuple, float] = {}
-    for lane in lanes:
-        kind = lane.hypothesis.kind
-        least[kind] = min(least.get(kind, np.inf), lane.cost)
-    far = np.exp(_BEHIND / samples)
-    return [x for x in lanes if x.cost <= far * least[x.hypothesis.kind]]
 
 
 def _round(stage: Stage, lanes: list[Lane], counted: np.ndarray, steps: int) -> list[float]:
