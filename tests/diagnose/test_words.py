@@ -3,19 +3,21 @@
 import pytest
 
 from vdmsi_jax.diagnose.result import Estimate, Finding, Gain
+from vdmsi_jax.diagnose.verdict import _rank
 from vdmsi_jax.diagnose.words import sentence
 
 
-def said(before, after, **more):
-    gain = Gain("v", before, after, 0.1, 2.0, 1.0, **more)
-    return sentence(
-        Finding(
-            cause="saturation", where="powertrain", channel=None, form="of the command",
-            parameters={"upper": Estimate(1.36, 0.02, "m/s")}, statistic=300.0, p_value=0.0,
-            gain=gain, predicted_gain=None, share=0.5, rivals=(), separating_experiment=None,
-            sentence="",
-        )
+def found(before=80.0, after=90.0, share=0.5, **more) -> Finding:
+    return Finding(
+        cause="saturation", where="powertrain", channel=None, form="of the command",
+        parameters={"upper": Estimate(1.36, 0.02, "m/s")}, statistic=300.0, p_value=0.0,
+        gain=Gain("v", before, after, 0.1, 2.0, 1.0, **more), predicted_gain=None, share=share,
+        rivals=(), separating_experiment=None, sentence="",
     )  # fmt: skip
+
+
+def said(before, after, **more) -> str:
+    return sentence(found(before, after, **more))
 
 
 def test_a_gain_rises_and_a_loss_falls():
@@ -35,3 +37,12 @@ def test_the_path_is_told_either_way(before, after, told):
 
 def test_a_path_that_hardly_changes_is_not_spoken_of():
     assert "translation" not in said(80.0, 90.0, ate_before=1.0, ate_after=1.01)
+
+
+def test_what_costs_most_on_the_road_comes_first_and_then_what_takes_most():
+    dear = found(share=0.1, ate_before=1.0, ate_after=0.4)
+    cheap = found(share=0.9, ate_before=1.0, ate_after=0.9)
+    fitted = found(share=0.6, ate_before=1.0, ate_after=0.995)  # less than a hundredth: nothing
+    without_path = found(share=0.3)
+    ordered = [dear, cheap, fitted, without_path]
+    assert sorted(reversed(ordered), key=_rank) == ordered

@@ -1,0 +1,62 @@
+"""Which of two explanations is told."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import vdmsi_jax as vj
+from vdmsi_jax.diagnose.baseline import baselines
+from vdmsi_jax.diagnose.hypothesis import Hypothesis, Refit
+from vdmsi_jax.diagnose.prepare import lay_out, stage_of
+from vdmsi_jax.diagnose.refit import refit
+from vdmsi_jax.diagnose.selection import _is_late, eliminate
+
+PLANT, DT, LAG = vj.PlantSpec("servo", "u", "y"), 0.02, 0.3
+
+
+def made(run: int, late: int) -> vj.Record:
+    """One lag of held commands that come some samples late, with noise."""
+    rng = np.random.default_rng(run)
+    u = np.repeat(rng.uniform(-1.0, 1.0, 20), 40)
+    come = np.concatenate([np.full(late, u[0]), u[: len(u) - late]])
+    y, keep = np.empty(len(u)), np.exp(-DT / LAG)
+    y[0] = come[0]
+    for k in range(1, len(u)):
+        y[k] = keep * y[k - 1] + (1.0 - keep) * come[k - 1]
+    y += 0.02 * rng.standard_normal(len(u))
+    return vj.Record.from_arrays(dt=DT, name=f"{run}", plants=(PLANT,), u=u, y=y)
+
+
+def fitted(late: int) -> tuple:
+    """A stage, the lag with a delay, and three lags without one."""
+    stage = stage_of(lay_out([made(run, late) for run in range(2)]), PLANT)
+    number = next(i for i, slot in enumerate(stage.slots) if slot.cause == "transport_delay")
+    grid = baselines(stage)
+    theta = grid[1, 0].hypothesis.theta.copy()
+    theta[list(stage.slots[number].index)] = 0.06
+    return stage, refit(stage, [Hypothesis(1, 0, (number,), theta)])[0], grid[3, 0]
+
+
+@pytest.fixture(scope="module")
+def of_a_late_command():
+    return fitted(late=4)
+
+
+def test_a_smaller_plant_with_a_delay_that_is_likelier_is_told(of_a_late_command):
+    stage, delay, poles = of_a_late_command
+    assert _is_late(stage, delay, poles)
+    seen = {f.hypothesis.kind: f for f in (delay, poles)}
+    assert eliminate(stage, delay, seen).hypothesis.kind == delay.hypothesis.kind
+
+
+def test_what_is_no_likelier_is_not(of_a_late_command):
+    stage, delay, poles = of_a_late_command
+    assert not _is_late(stage, replace(delay, loglik=poles.loglik + 1.0), poles)
+    assert not _is_late(stage, poles, delay)
+
+
+def test_a_larger_plant_with_a_delay_pays_its_price(of_a_late_command):
+    stage, delay, poles = of_a_late_command
+    larger: Refit = replace(delay, hypothesis=replace(delay.hypothesis, poles=3, zeros=1))
+    assert not _is_late(stage, larger, poles)
