@@ -4,6 +4,7 @@ The figures are those of the JSON beside each log, on the same samples; the READ
 them rounded. Run as a program this prints the table of what identification makes of them.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -59,10 +60,12 @@ FLOORS = (
 )
 
 
-def identify_floor(floor: Floor, folder: Path) -> OrderGrid:
-    """Identify the pair as the project's description of the log says."""
+def identify_floor(floor: Floor, folder: Path, **orders: Sequence[int]) -> OrderGrid:
+    """Identify the pair as the project's description of the log says; with `poles=...` fewer orders
+    than it does."""
     config = load_config(CONFIGS / floor.config)
-    return identify(read_log(folder / floor.log, config), floor.plant, options=config.identify)
+    log = read_log(folder / floor.log, config)
+    return identify(log, floor.plant, options=config.identify, **orders)
 
 
 def score(floor: Floor, grid: OrderGrid) -> float:

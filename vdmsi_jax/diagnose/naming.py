@@ -137,20 +137,32 @@ def of_body(search: BodySearch) -> list[Named]:
             for k, lack in finding.others
             if k not in failed
         ]
-        found.append(
-            Named(
-                cause.cause,
-                cause.where,
-                cause.channel,
-                _told_otherwise(cause.cause, parameters, search.body),
-                parameters,
-                finding.gain,
-                len(index),
-                _one_each(rivals),
-                body=finding,
-            )  # fmt: skip
-        )
+        named = Named(
+            cause.cause,
+            cause.where,
+            cause.channel,
+            _told_otherwise(cause.cause, parameters, search.body),
+            parameters,
+            finding.gain,
+            len(index),
+            _one_each(rivals),
+            body=finding,
+        )  # fmt: skip
+        found.append(as_offset(named))
     return found
+
+
+def as_offset(cause: Named) -> Named:
+    """A bank that only turns the wheels, as an offset of the wheels does, is told as that one: its
+    slope is not told from nothing."""
+    if cause.cause != "bank":
+        return cause
+    offset = next((r for r in cause.rivals if r.cause == "offset" and r.indistinguishable), None)
+    slope, pull = cause.parameters["slope"], cause.parameters["pull"]
+    if offset is None or abs(slope.value) > _CLEAR * slope.std:
+        return cause
+    rivals = (Rival("bank", cause.where, 0.0, True), *(r for r in cause.rivals if r is not offset))
+    return replace(cause, cause="offset", parameters={"bias": pull}, rivals=rivals)
 
 
 def _told_otherwise(cause: str, parameters: Mapping[str, Estimate], body: Body) -> str:
