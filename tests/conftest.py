@@ -17,6 +17,13 @@ LONGEST = (
 xdist must be told not to sort them otherwise (`--no-loadscope-reorder`)."""
 
 
+def pytest_sessionstart() -> None:
+    """Compile as the command line does: a test takes more time for that than for all else."""
+    from vdmsi_jax.programs import compile_quickly  # not before annotations are checked
+
+    compile_quickly()
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Sort the longest files to the front."""
     rank = {name: place for place, name in enumerate(LONGEST)}

@@ -350,20 +350,13 @@ def main(arguments: list[str] | None = None) -> None:
         raise SystemExit(130) from None
 
 
-_FLAG = "xla_cpu_use_fusion_emitters"
-
-
 def _prepare_jax(cache: bool) -> None:
     """Ask for float64, for the cache of compiled programs, and for those to be compiled quickly."""
     import jax
-    import jaxlib
 
-    # The older of XLA's two ways to compile for a CPU takes 0.8 of the time for a whole diagnosis,
-    # and its programs are as fast (jaxlib 0.10.2). A flag that XLA does not know ends the process,
-    # so that it is told only to those that were seen to know it (0.10.2, 0.11.2, 0.12.0).
-    flags = os.environ.get("XLA_FLAGS", "")
-    if _FLAG not in flags and jaxlib.version.__version_info__ < (0, 13):
-        os.environ["XLA_FLAGS"] = f"{flags} --{_FLAG}=false".strip()
+    from vdmsi_jax.programs import compile_quickly
+
+    compile_quickly()
     jax.config.update("jax_enable_x64", True)
     if not cache:
         jax.config.update("jax_enable_compilation_cache", False)

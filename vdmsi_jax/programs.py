@@ -1,14 +1,29 @@
-"""Compiled programs: how many of them a process may hold, and who compiles them."""
+"""Compiled programs: how they are compiled, how many a process may hold, and who compiles them."""
 
+import os
 import threading
 from collections.abc import Hashable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import jax
+import jaxlib
 
+_FLAG = "xla_cpu_use_fusion_emitters"
 _MAPS, _LIMIT = Path("/proc/self/maps"), Path("/proc/sys/vm/max_map_count")
 _SHARE = 0.5
+
+
+def compile_quickly() -> None:
+    """Let XLA compile for a CPU in the older of its two ways, unless `XLA_FLAGS` says otherwise.
+
+    It takes 0.8 of the time for a whole diagnosis, and its programs are as fast (jaxlib 0.10.2).
+    Has no effect once JAX has begun to compute. A flag that XLA does not know ends the process, so
+    that it is told only to those that were seen to know it (0.10.2, 0.11.2, 0.12.0).
+    """
+    flags = os.environ.get("XLA_FLAGS", "")
+    if _FLAG not in flags and jaxlib.version.__version_info__ < (0, 13):
+        os.environ["XLA_FLAGS"] = f"{flags} --{_FLAG}=false".strip()
 
 
 def make_room() -> None:
