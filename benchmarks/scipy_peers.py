@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Orders = Iterable[tuple[int, int]]
 
-STARTS = 2  # how many of an order's candidates `by_lfilter` refines
+STARTS = 2  # how many of an order's candidates `by_lfilter` refines unless told otherwise
 _DIVERGED = 1e3  # residual of a model that blows up, over the norm of the output
 
 
@@ -84,21 +84,25 @@ def _grown(p: Floats, smaller: tuple[int, int], order: tuple[int, int]) -> Float
 # -- with care ----------------------------------------------------------------------------------
 
 
-def by_lfilter(u: Floats, y: Floats, dt: float, orders: Orders) -> Iterator[tuple[str, float]]:
-    """Name and FIT of each order; orders come with those that they contain before them."""
+def by_lfilter(
+    u: Floats, y: Floats, dt: float, orders: Orders, starts: int = STARTS
+) -> Iterator[tuple[str, float]]:
+    """Name and FIT of each order; orders come with those that they contain before them. Of an
+    order's candidates, eleven at most, the best `starts` are refined."""
     lag = _first_order_lag(u, y, dt)
     problem = _Projected(u / u.std(), y / np.linalg.norm(y - y.mean()), dt / lag)
     found: dict[tuple[int, int], Floats] = {}
     for n, m in orders:
-        starts = [problem.equation_error(np.poly(np.full(n, -w))[1:], n, m) for w in (1.0, 4.0)]
+        candidates = [problem.equation_error(np.poly(np.full(n, -w))[1:], n, m) for w in (1.0, 4.0)]
         if (n, m - 1) in found:
-            starts.append(found[n, m - 1])
+            candidates.append(found[n, m - 1])
+        more = (0.5, 5.0, 20.0 * lag / dt, 200.0 * lag / dt)  # a pole
         for smaller in ((n - 1, m), (n - 1, m - 1)):
             if smaller in found:
-                poles = (0.5, 5.0, 20.0 * lag / dt, 200.0 * lag / dt)
-                starts += [np.convolve(np.append(1.0, found[smaller]), [1, w])[1:] for w in poles]
-        judged = sorted(((problem.cost(a, n, m), i) for i, a in enumerate(starts)))
-        refined = [problem.refine(starts[i], n, m) for _, i in judged[:STARTS]]
+                known = np.append(1.0, found[smaller])
+                candidates += [np.convolve(known, [1, w])[1:] for w in more]
+        judged = sorted(((problem.cost(a, n, m), i) for i, a in enumerate(candidates)))
+        refined = [problem.refine(candidates[i], n, m) for _, i in judged[:starts]]
         cost, a = min(refined, key=lambda pair: pair[0])
         found[n, m] = a
         yield f"P{n}Z{m}", 100.0 * (1.0 - cost)

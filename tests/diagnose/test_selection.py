@@ -45,18 +45,18 @@ def of_a_late_command():
 
 def test_a_smaller_plant_with_a_delay_that_is_likelier_is_told(of_a_late_command):
     stage, delay, poles = of_a_late_command
-    assert _is_late(stage, delay, poles)
+    assert _is_late(stage, delay, poles, {})
     seen = {f.hypothesis.kind: f for f in (delay, poles)}
     assert eliminate(stage, delay, seen).hypothesis.kind == delay.hypothesis.kind
 
 
 def test_what_is_no_likelier_is_not(of_a_late_command):
     stage, delay, poles = of_a_late_command
-    assert not _is_late(stage, replace(delay, loglik=poles.loglik + 1.0), poles)
-    assert not _is_late(stage, poles, delay)
+    assert not _is_late(stage, replace(delay, loglik=poles.loglik + 1.0), poles, {})
+    assert not _is_late(stage, poles, delay, {})
 
 
 def test_a_larger_plant_with_a_delay_pays_its_price(of_a_late_command):
     stage, delay, poles = of_a_late_command
     larger: Refit = replace(delay, hypothesis=replace(delay.hypothesis, poles=3, zeros=1))
-    assert not _is_late(stage, larger, poles)
+    assert not _is_late(stage, larger, poles, {})

@@ -39,6 +39,7 @@ _BESIDE = 0.1  # of what these are worth, that another cause may gain, or it com
 _LITTLE = 0.02  # of what the poles are worth that tell a mode, which its name may cost
 _TOLD = 10.0  # what a pole for a delay may cost
 _LIKELIER = 4.0  # in twice the log-likelihood, that a smaller plant with a delay must be
+_LIKELIEST = 6.0  # likewise one that is as large
 _MENDS = 0.06  # of what other causes are worth, likewise
 _GROWS, _GROWN = 50.0, 3  # what a cause in a small plant must gain for larger ones to be tried with
 # it, and how many causes or forms are
@@ -98,7 +99,7 @@ def climbed(
             gained = max((score(stage, f) - score(stage, plain) for f in better), default=0.0)
             modes = [f for f in fits if _rings(stage, f, plain, seen, gained)]
             rings, better = bool(modes), modes or better
-            better = better or [f for f in fits if _is_late(stage, f, plain)]
+            better = better or [f for f in fits if _is_late(stage, f, plain, seen)]
         if now is not plain:
             size = now.hypothesis.size(stage)
             better = [
@@ -226,7 +227,7 @@ def eliminate(
 def _told(stage: Stage, late: Refit, poles: Refit, seen: Mapping[tuple, Refit]) -> float:
     """What poles for a delay may cost: one pole a little, two more nothing; and beside other causes
     a part of what those are worth, since where their form is not exact, a delay mends it."""
-    if _is_late(stage, late, poles):
+    if _is_late(stage, late, poles, seen):
         return -math.inf
     if poles.hypothesis.poles > late.hypothesis.poles + 1:
         return 0.0
@@ -236,13 +237,20 @@ def _told(stage: Stage, late: Refit, poles: Refit, seen: Mapping[tuple, Refit]) 
     return max(_TOLD, _MENDS * (score(stage, poles) - plain))
 
 
-def _is_late(stage: Stage, late: Refit, poles: Refit) -> bool:
-    """Whether a plant with a delay, and nothing else more, is likelier than a larger one without:
-    what a cause costs keeps poles from being told as a delay, but these are less likely, too."""
-    more = set(late.hypothesis.active) - set(poles.hypothesis.active)
-    delay = [stage.slots[number].cause for number in more] == ["transport_delay"]
-    smaller = late.hypothesis.size(stage) < poles.hypothesis.size(stage)
-    return delay and smaller and 2.0 * (late.loglik - poles.loglik) > _LIKELIER
+def _is_late(stage: Stage, late: Refit, poles: Refit, seen: Mapping[tuple, Refit]) -> bool:
+    """Whether a plant with a delay, and nothing else more, is likelier than one without that is
+    larger, or as large while a pole or a zero more would not be likelier either: what a cause costs
+    keeps poles from being told as a delay, but these are less likely, too."""
+    active = set(poles.hypothesis.active)
+    more = set(late.hypothesis.active) - active
+    lead, own = 2.0 * (late.loglik - poles.loglik), late.hypothesis.size(stage)
+    if [stage.slots[number].cause for number in more] != ["transport_delay"]:
+        return False
+    if own != poles.hypothesis.size(stage):
+        return own < poles.hypothesis.size(stage) and lead > _LIKELIER
+    beyond = (f for f in seen.values() if set(f.hypothesis.active) == active)
+    larger = (f.loglik for f in beyond if f.hypothesis.size(stage) == own + 1)
+    return lead > _LIKELIEST and late.loglik > max(larger, default=-math.inf)
 
 
 def without(stage: Stage, h: Hypothesis, number: int) -> Hypothesis:

@@ -30,7 +30,8 @@ _PERIODS = 6.0  # in the longest run, of a periodic disturbance beside what noth
 _BUS, _LATE = 0.02, 2.5  # s and points of FIT, below which both a delay is every bus's
 _TURNS = 0.1  # s, below which a body's lag by its inertia is every vehicle's
 _DAMPED = 0.24  # ratio, from which a mode is rather two poles that the plant lacks
-_LIGHT, _ADDS = 0.15, 0.3  # ratio, and gain over the baseline, that a mode with more damping needs
+_LIGHT, _ADDS = 0.15, 0.3  # ratio, and share of the baseline's error, that a mode with more damping
+# must take by itself
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +153,8 @@ class Weighing:
             none = value < 0.0 or (value < _BUS and g.after - g.before < _LATE)
         elif found.cause == "resonance":
             damping = found.parameters["damping"].value
-            none = damping > _DAMPED or (damping > _LIGHT and self.taken(g.channel) < _ADDS)
+            own = (g.mse_before - g.mse_after) / max(self.baseline[g.channel].mse, 1e-300)
+            none = damping > _DAMPED or (damping > _LIGHT and own < _ADDS)
         worse = g.ate_before is not None and g.ate_after is not None and g.ate_after > g.ate_before
         return none or (worse and max(found.share, g.typical) < _DOUBTFUL)
 
