@@ -17,6 +17,7 @@ from .stage import FIRST_CAUSE, LEADS, POLES, Stage
 from .starts import (
     backward,
     bent,
+    delayed,
     late,
     mirrored,
     nested,
@@ -195,7 +196,8 @@ def _smaller(stage: Stage, grid: Mapping[tuple[int, int], Refit], plain: Refit) 
 def _afresh(stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]) -> list[Hypothesis]:
     """Causes that are not reached from the best plain plant."""
     plants = [plain, *_smaller(stage, grid, plain)[:1]]
-    return [*bent(stage, grid[1, 0]), *(h for p in plants for h in scanned(stage, p))]
+    of_one_pole = [*bent(stage, grid[1, 0]), *delayed(stage, grid[1, 0])]
+    return [*of_one_pole, *(h for p in plants for h in scanned(stage, p))]
 
 
 def eliminate(

@@ -14,6 +14,9 @@ _TWO_SIDED = ("saturation", "rate_limit")
 _BEHIND = ((2, 0), (2, 1), (3, 1), (3, 2))  # orders that may lie behind a delay
 _TIMES = 48  # moments that are tried
 _SMALLEST, _WIDEST = 0.02, 0.25  # steps that are tried, of the command's range
+_PACES = (1.0, 2.0, 5.0)  # of a plant beside a delay, which had told it by a slower pole
+_DELAYS, _LONGEST, _NEARLY = 16, 0.1, 2.0  # how many are tried, up to which share of the longest
+# run, and how much more than the least error others may leave
 _CHANGE = 0.1  # of gain, to try moments with
 
 
@@ -132,6 +135,29 @@ def waiting(
     for order in [o for o in _BEHIND if o in grid]:
         for factor in (1.0, 2.0):
             yield _added(stage, grid[order].hypothesis, number, factor * amounts)
+
+
+def delayed(stage: Stage, first: Refit) -> list[Hypothesis]:
+    """Plants of one pole, slow to fast, each with the delay that explains the response itself best,
+    the gain by least squares: a long delay has many optima beside it."""
+    number = _number(stage, "transport_delay")
+    if number not in stage.allowed:
+        return []
+    longest = _LONGEST * stage.u.shape[1] * stage.dt
+    delays = np.geomspace(2.0 * stage.dt, max(longest, 4.0 * stage.dt), _DELAYS)
+    thetas = np.repeat(stage.off[None], len(_PACES) * _DELAYS, axis=0)
+    paces = np.repeat(_PACES, _DELAYS) * abs(first.hypothesis.theta[0])
+    thetas[:, 0] = thetas[:, POLES] = paces
+    thetas[:, stage.slots[number].index[0]] = np.tile(delays, len(_PACES))
+    rows = stage.simulate(thetas)[:, stage.mask]
+    errors, shares = _fitted(stage, [[row] for row in rows])
+    errors = np.where(np.isfinite(errors), errors, np.inf).reshape(len(_PACES), _DELAYS)
+    made = []
+    for k in np.argmin(errors, axis=1) + _DELAYS * np.arange(len(_PACES)):
+        if errors.flat[k] < _NEARLY * errors.min():
+            thetas[k][POLES] *= shares[k][0]
+            made.append(Hypothesis(1, 0, (number,), thetas[k]))
+    return made
 
 
 def ringing(stage: Stage, plain: Refit) -> list[Hypothesis]:
