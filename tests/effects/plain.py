@@ -221,6 +221,10 @@ def bent(quadratic: float, cubic: float) -> Cause:
     return Cause(rows=lambda u, d: u + quadratic * u * np.abs(u) + cubic * u**3)
 
 
+def bent_response(quadratic: float, cubic: float) -> Cause:
+    return Cause(measured=lambda y, d: y + quadratic * y * np.abs(y) + cubic * y**3)
+
+
 def skewed(quadratic: float, cubic: float) -> Cause:
     return Cause(rows=lambda u, d: u + quadratic * u**2 + cubic * u**3)
 

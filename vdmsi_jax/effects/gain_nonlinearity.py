@@ -33,3 +33,27 @@ class GainNonlinearity(AbstractEffect):
     def command(self, u: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
         bent = u * abs(u) if self.by == "sign" else u * u
         return u + self.quadratic * bent + self.cubic * u * u * u
+
+
+class BentResponse(AbstractEffect):
+    """`y + quadratic y |y| + cubic y³` behind the dynamics: what is measured has a characteristic, as
+    a tank's titration curve or the linkage of an encoder (a Wiener model; Billings, Nonlinear
+    System Identification, 2013, ch. 2).
+
+    Attributes:
+        at: which signal is bent.
+    """
+
+    cause: ClassVar[str] = "gain_nonlinearity"
+
+    quadratic: Float[Array, ""] = parameter("1/response", "of y |y|")
+    cubic: Float[Array, ""] = parameter("1/response^2", "of y cubed")
+    at: Literal["response"] = eqx.field(static=True, default="response")
+
+    def probes(self, scales: Scales) -> list[tuple[float, ...]]:
+        size = max(abs(scales.y_low), abs(scales.y_high), 1e-12)
+        bends = (-0.3, -0.05, 0.05, 0.3)
+        return [(k / size, 0.0) for k in bends] + [(0.0, k / size**2) for k in bends]
+
+    def measured(self, y: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
+        return y + self.quadratic * y * abs(y) + self.cubic * y * y * y
