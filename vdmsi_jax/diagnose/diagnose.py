@@ -16,7 +16,7 @@ from ..programs import make_room
 from ..threads import AT_ONCE, one_for_blas
 from .body_search import search_body
 from .found import Search
-from .leftover import is_another
+from .leftover import breaks_where_judged, is_another
 from .noise import KnownNoise
 from .prepare import Runs, body_of, lay_out, slower, stage_of
 from .result import Diagnosis
@@ -78,7 +78,16 @@ def _diagnose(
         say("the logs that judge show what the others do not: fitting a part of each")
         parts = _evidence(several, lay_out(several, whole=False), plants, noise, say).diagnosis()
         found = max(found, parts, key=lambda d: len(d.findings))
+    elif not runs.whole() and any(map(breaks_where_judged, evidence.searches.values())):
+        say("something changes in a part that judges: fitting other parts")
+        apart = lay_out(several, whole=False, others=True)
+        found = max(found, _evidence(several, apart, plants, noise, say).diagnosis(), key=_changes)
     return replace(found, unseen=(*copies, *found.unseen))
+
+
+def _changes(found: Diagnosis) -> int:
+    """How many changes of regime are named."""
+    return sum(f.cause == "regime_change" for f in found.findings)
 
 
 def _evidence(

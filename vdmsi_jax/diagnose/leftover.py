@@ -33,6 +33,7 @@ _JUMPS = 10.0  # `disturbance.scores` of events, from which a pose surely jumps:
 _PEAKED = (
     10.0  # kurtosis of its innovations, from which half of it tells: clean drives had up to 5.8
 )
+_NEXT_TO = 0.02  # of the time, that a change may lie before or behind a part
 _MANY = 30_000  # samples, beyond which kinds of error are asked by means of several
 
 Question = tuple[np.ndarray, np.ndarray, list[Family], np.ndarray, np.ndarray, float]
@@ -57,6 +58,22 @@ def is_another(own: Search) -> bool:
     masks = (stage.mask, stage.held_out)
     sizes = slow_sizes(stage.y - own.final.y, stage.y, masks, stage.dt)
     return sizes[1] > LARGE_HELD_OUT and sizes[1] > _ANOTHER * sizes[0]
+
+
+def breaks_where_judged(own: Search) -> bool:
+    """Whether a change of regime was found whose moment lies in a part that is held out, or next to
+    one: no fit can know it better."""
+    stage = own.stage
+    found = [(f, own.final) for f in own.findings] + [(f.finding, f.final) for f in own.failed]
+    for finding, final in found:
+        slot = stage.slots[finding.number]
+        if slot.cause != "regime_change":
+            continue
+        clock = np.asarray(stage.signals.clock(getattr(slot.effect, "over", "run")))
+        near = np.abs(clock - final.hypothesis.theta[slot.index[0]]) < _NEXT_TO * np.ptp(clock)
+        if np.any(near & stage.held_out):
+            return True
+    return False
 
 
 def stand_ins(

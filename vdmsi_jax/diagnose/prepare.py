@@ -28,7 +28,8 @@ _STRETCH = 2000  # samples of such a stretch
 _MOST_RUNS = 24  # that are looked at
 _SMOOTH = 0.1  # s, over which a signal is averaged whose plant is not known
 _ROW = 0.02  # s, between rows of a vehicle's record
-_BLOCKS, _JUDGING = 10, (2, 5, 8)  # parts of a single run, and which of them are held out
+_BLOCKS, _JUDGING = 10, (2, 5, 8)  # parts of a single run, and which of them are held out; others
+# are those before
 
 _FOREIGN = {
     "powertrain": {"speed_dependent_gain", "cross_coupling by speed"}
@@ -146,10 +147,10 @@ def slower(record: Record) -> Record:
     )
 
 
-def lay_out(records: Sequence[Record], whole: bool = True) -> Runs:
+def lay_out(records: Sequence[Record], whole: bool = True, others: bool = False) -> Runs:
     """Put the segments of records side by side and choose what is held out: a third of the records,
     or, where none can judge the others or whole ones shall not, three tenths of each segment that
-    lie apart, since its end may show another regime."""
+    lie apart, since its end may show another regime; `others`, where the usual ones shall not."""
     pieces = []
     judging = judges(records) if whole else None
     many = sum(len(s) for r in records for s in r.segments) > _MOST
@@ -162,7 +163,7 @@ def lay_out(records: Sequence[Record], whole: bool = True) -> Runs:
             for a, b in zip(edges[:-1], edges[1:], strict=True):
                 n = int(b - a)
                 if judging is None:
-                    spans = _apart(n)
+                    spans = _apart(n, others)
                 else:
                     spans = ((0, n),) if k in judging else ()
                 pieces.append(
@@ -185,10 +186,10 @@ def lay_out(records: Sequence[Record], whole: bool = True) -> Runs:
     return Runs(*map(tuple, columns), dt=records[0].dt)
 
 
-def _apart(n: int) -> tuple[tuple[int, int], ...]:
+def _apart(n: int, others: bool) -> tuple[tuple[int, int], ...]:
     """Stretches of `n` samples that are held out."""
     edges = np.linspace(0, n, _BLOCKS + 1).astype(int)
-    return tuple((int(edges[k]), int(edges[k + 1])) for k in _JUDGING)
+    return tuple((int(edges[k - others]), int(edges[k - others + 1])) for k in _JUDGING)
 
 
 def steering_angle(runs: Runs) -> tuple[np.ndarray, np.ndarray] | None:

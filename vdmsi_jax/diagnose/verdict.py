@@ -298,7 +298,7 @@ class Evidence:
     def _held_out(self) -> str:
         runs = self.runs
         if all(runs.judged):
-            return "the third, sixth and ninth tenth of each stretch of the logs"
+            return "three tenths of each stretch of the logs, which lie apart"
         judges = [r.name for r, spans in zip(runs.records, runs.judged, strict=True) if spans]
         return "whole logs: " + ", ".join(dict.fromkeys(judges))
 

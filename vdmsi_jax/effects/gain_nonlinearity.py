@@ -36,8 +36,8 @@ class GainNonlinearity(AbstractEffect):
 
 
 class BentResponse(AbstractEffect):
-    """`y + quadratic y |y| + cubic y³` behind the dynamics: what is measured has a characteristic, as
-    a tank's titration curve or the linkage of an encoder (a Wiener model; Billings, Nonlinear
+    """`y + quadratic y |y| + cubic y³` behind the dynamics: what is measured has a characteristic,
+    as a tank's titration curve or the linkage of an encoder (a Wiener model; Billings, Nonlinear
     System Identification, 2013, ch. 2).
 
     Attributes:
