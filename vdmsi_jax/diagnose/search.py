@@ -22,6 +22,7 @@ SWAPS = 3
 SWAPPED = 2.0  # by which another cause must be better to take a place
 _AGAIN = 2  # failures after which the way is gone again without what failed
 _MUCH, SURE = 0.4, 2.5  # share of the error, and standard errors, that data held out bear out
+_SURER = 3.0  # standard errors likewise, of a cause that can draw nearly any error
 _SLOW = 2.5  # squared error over innovations, from which on a part of it is slow
 _CLOSE, _LASTS = 5.0, 0.2  # of the score, that a cause may lack; share that it must take elsewhere
 _WORSENED = 0.2  # of the squared error on data held out, by which a cause may usually raise it
@@ -198,7 +199,9 @@ def _borne_out(found: Search, seen: Mapping[tuple, Refit], known: set[int]) -> R
         gain = gain_of(scored, stage.held_out, True, stage.dt)
         worth = confirmed(scored, stage.held_out, stage.dt)[0]
         taken = scored.taken(stage.held_out)
-        sure = gain.after - gain.before > SURE * gain.se
+        (new,) = set(f.hypothesis.active) - had
+        least = _SURER if stage.slots[new].weight >= FREE else SURE
+        sure = gain.after - gain.before > least * gain.se
         if takes_much(f):
             lasts = taken > _MUCH and worth > CAUSE_COST
         else:
