@@ -1,6 +1,6 @@
 """What each cause of a model is worth, and which others could stand in its place."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from .baseline import order_of
 from .found import Finding
@@ -25,10 +25,10 @@ _RIVALS = 8  # that are told
 
 
 def findings_of(
-    stage: Stage, final: Refit, seen: Mapping[tuple, Refit]
+    stage: Stage, final: Refit, seen: Mapping[tuple, Refit], failed: Collection[int] = ()
 ) -> tuple[tuple[Finding, ...], Refit | None]:
     """Each cause of the final model with what it is worth there and what could stand in its
-    place; and the best fit with another in the place of one."""
+    place, of causes that have not failed; and the best fit with another in the place of one."""
     found, tried = [], []
     for number in final.hypothesis.active:
         less = refit(stage, [without(stage, final.hypothesis, number)])[0]
@@ -38,7 +38,8 @@ def findings_of(
         screened = screen(stage, less, fine=stage.slots[number].cause in RAGGED)
         probes = [joined(less.hypothesis, c) for c in screened if c.number == number]
         promised = next(iter(refit(stage, probes, rounds=1, further=0)), None)
-        able = (c for c in screened if c.number != number and c.gain > _ABLE * gain)
+        barred = {number, *failed}
+        able = (c for c in screened if c.number not in barred and c.gain > _ABLE * gain)
         others = leading(stage, able, _TRIED)
         fits = refit(stage, [joined(less.hypothesis, c) for c in others])
         kept, own = set(less.hypothesis.active), stage.slots[number]
@@ -46,7 +47,7 @@ def findings_of(
             f
             for f in seen.values()
             if kept < set(f.hypothesis.active) and len(f.hypothesis.active) == len(kept) + 1
-            if number not in f.hypothesis.active
+            if not barred & set(f.hypothesis.active)
             # the cause itself, not a larger plant that imitates the one it stands for
             if (bare := seen.get((*order_of(f.hypothesis), frozenset(kept)))) is not None
             and score(stage, f) > score(stage, bare)

@@ -77,15 +77,13 @@ def _swapped(
     where those explain more and have not failed; and what its causes are worth."""
     for _ in range(SWAPS):
         now = eliminate(stage, now, seen, borne)
-        findings, other = findings_of(stage, now, seen)
-        if other is None or failed & set(other.hypothesis.active):
+        findings, other = findings_of(stage, now, seen, failed)
+        if other is None or score(stage, other) < score(stage, now) + SWAPPED:
             return now, findings
-        if score(stage, other) < score(stage, now) + SWAPPED or rings_rather(
-            stage, now, other, seen
-        ):
+        if rings_rather(stage, now, other, seen):
             return now, findings
         now = other
-    return now, findings_of(stage, now, seen)[0]
+    return now, findings_of(stage, now, seen, failed)[0]
 
 
 def _first_out(findings: Sequence[Finding], worth: Sequence[float]) -> int:
