@@ -281,3 +281,19 @@ def test_what_breaks_in_one_log_stays_broken_in_the_next(when):
     assert finding.parameters["time"].value == pytest.approx(when, abs=0.1)
     assert finding.parameters["gain"].value == pytest.approx(-1.0 / 7.0, abs=0.01)
     assert diagnosis.verdict == "explained"
+
+
+@pytest.mark.slow
+def test_what_breaks_in_a_part_that_judges_is_found_with_other_parts_held_out():
+    """Of the one log the parts from 15 to 18 s judge, too, unless something happens there."""
+    (finding,) = vj.diagnose(driven(11, fails=16.5)[:1]).findings
+    assert finding.cause == "regime_change"
+    assert finding.parameters["time"].value == pytest.approx(16.5, abs=0.1)
+    assert finding.parameters["gain"].value == pytest.approx(-1.0 / 7.0, abs=0.02)
+
+
+@pytest.mark.slow
+def test_a_delay_of_a_second_is_found():
+    (finding,) = vj.diagnose(driven(4, delay=1.0)).findings
+    assert finding.cause == "transport_delay"
+    assert finding.parameters["delay"].value == pytest.approx(1.0, abs=0.02)

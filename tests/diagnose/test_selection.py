@@ -11,6 +11,7 @@ from vdmsi_jax.diagnose.hypothesis import Hypothesis, Refit
 from vdmsi_jax.diagnose.prepare import lay_out, stage_of
 from vdmsi_jax.diagnose.refit import refit
 from vdmsi_jax.diagnose.selection import _is_late, eliminate
+from vdmsi_jax.diagnose.starts import delayed
 
 PLANT, DT, LAG = vj.PlantSpec("servo", "u", "y"), 0.02, 0.3
 
@@ -60,3 +61,11 @@ def test_a_larger_plant_with_a_delay_pays_its_price(of_a_late_command):
     stage, delay, poles = of_a_late_command
     larger: Refit = replace(delay, hypothesis=replace(delay.hypothesis, poles=3, zeros=1))
     assert not _is_late(stage, larger, poles, {})
+
+
+def test_a_long_delay_has_a_start_near_it():
+    late = 50
+    stage = stage_of(lay_out([made(run, late) for run in range(2)]), PLANT)
+    starts = delayed(stage, baselines(stage)[1, 0])
+    found = [h.theta[stage.slots[h.active[0]].index[0]] for h in starts]
+    assert min(abs(np.log(value / (late * DT))) for value in found) < np.log(1.3)

@@ -81,7 +81,8 @@ def _diagnose(
     elif not runs.whole() and any(map(breaks_where_judged, evidence.searches.values())):
         say("something changes in a part that judges: fitting other parts")
         apart = lay_out(several, whole=False, others=True)
-        found = max(found, _evidence(several, apart, plants, noise, say).diagnosis(), key=_changes)
+        other = _evidence(several, apart, plants, noise, say).diagnosis()
+        found = other if _changes(other) >= max(_changes(found), 1) else found
     return replace(found, unseen=(*copies, *found.unseen))
 
 
