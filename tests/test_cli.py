@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import jax
 import numpy as np
 import pytest
 
@@ -58,6 +59,23 @@ finally:
         )
 
     return run
+
+
+@pytest.fixture
+def here(capsys):
+    """Run the command in this process, which has compiled much of it already."""
+    kept = jax.config.jax_persistent_cache_min_compile_time_secs
+
+    def run(*arguments):
+        code = 0
+        try:
+            main([str(a) for a in arguments])
+        except SystemExit as left:
+            code = left.code
+        return subprocess.CompletedProcess(arguments, code, *capsys.readouterr())
+
+    yield run
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", kept)
 
 
 @pytest.fixture(scope="module")
@@ -263,7 +281,7 @@ def test_a_model_with_a_wrong_effect_is_refused(vdmsi, tmp_path):
     assert "did you mean 'gap'" in told
 
 
-def test_a_sweep_goes_on_where_it_was_stopped(vdmsi, tmp_path, settings):
+def test_a_sweep_goes_on_where_it_was_stopped(here, tmp_path, settings):
     config = tmp_path / "sweep.toml"
     runs = [
         (DEMO / "powertrain_steps.csv", "powertrain"),
@@ -277,7 +295,7 @@ def test_a_sweep_goes_on_where_it_was_stopped(vdmsi, tmp_path, settings):
         )
         + "]\n"
     )
-    done = vdmsi("sweep", config, "--out", tmp_path / "out")
+    done = here("sweep", config, "--out", tmp_path / "out")
     assert (done.returncode, done.stderr) == (0, "")
     cells = sorted((tmp_path / "out" / "cells").iterdir())
     assert len(cells) == 2
@@ -289,18 +307,18 @@ def test_a_sweep_goes_on_where_it_was_stopped(vdmsi, tmp_path, settings):
     cells[0].unlink()  # as if the sweep had been stopped before it
     cells[1].write_text(cells[1].read_text())
     kept = cells[1].stat().st_mtime_ns
-    done = vdmsi("sweep", config, "--out", tmp_path / "out")
+    done = here("sweep", config, "--out", tmp_path / "out")
     assert done.returncode == 0
     assert cells[0].stat().st_mtime_ns != finished[cells[0]]
     assert cells[1].stat().st_mtime_ns == kept, "a finished cell was made again"
     assert (tmp_path / "out" / "sweep.json").read_text() == summary
 
     config.write_text(config.read_text().replace("[identify]", "[identify]\nfit_loss = 30.0"))
-    assert vdmsi("sweep", config, "--out", tmp_path / "out").returncode == 0
+    assert here("sweep", config, "--out", tmp_path / "out").returncode == 0
     assert json.loads(cells[0].read_text())["chosen"] == "P1Z0", "a changed cell was kept"
 
 
-def test_a_refused_log_does_not_stop_a_sweep(vdmsi, tmp_path, settings):
+def test_a_refused_log_does_not_stop_a_sweep(here, tmp_path, settings):
     (tmp_path / "bad.csv").write_text("t,v_cmd,v\n0,1,oops\n")
     config = tmp_path / "sweep.toml"
     good = DEMO / "steering_steps.csv"
@@ -309,23 +327,23 @@ def test_a_refused_log_does_not_stop_a_sweep(vdmsi, tmp_path, settings):
         f'{{ log = "bad.csv", config = "{settings}", plants = ["powertrain"] }},\n'
         f'{{ log = "{good}", config = "{settings}", plants = ["steering"] }}]\n'
     )
-    done = vdmsi("sweep", config, "--out", tmp_path / "out")
+    done = here("sweep", config, "--out", tmp_path / "out")
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1 and "bad.csv" in done.stderr
     rows = json.loads((tmp_path / "out" / "sweep.json").read_text())["cells"]
     assert "refused" in rows[0] and rows[1]["fit"] > 80.0
 
 
-def test_a_configuration_beside_the_log_says_which_orders(vdmsi, tmp_path, settings):
+def test_a_configuration_beside_the_log_says_which_orders(here, tmp_path, settings):
     (tmp_path / "log.csv").write_bytes((DEMO / "steering_steps.csv").read_bytes())
     vehicle = settings.read_text().split("[identify]")[0]
     (tmp_path / "vehicle.toml").write_text(vehicle + "[identify]\npoles = [1]\nzeros = [0]\n")
     (tmp_path / "sweep.toml").write_text('[sweep]\nruns = [{ log = "log.csv" }]\n')
-    done = vdmsi("identify", tmp_path / "log.csv", "--out", tmp_path / "out", "--no-report")
+    done = here("identify", tmp_path / "log.csv", "--out", tmp_path / "out", "--no-report")
     assert done.returncode == 0, done.stderr
     found = json.loads((tmp_path / "out" / "identify.json").read_text())
     assert list(found["plants"]["steering"]["orders"]) == ["P1Z0"]
-    done = vdmsi("sweep", tmp_path / "sweep.toml", "--out", tmp_path / "swept", "--no-report")
+    done = here("sweep", tmp_path / "sweep.toml", "--out", tmp_path / "swept", "--no-report")
     (cell,) = (tmp_path / "swept" / "cells").glob("*steering.json")
     assert list(json.loads(cell.read_text())["orders"]) == ["P1Z0"]
 
