@@ -30,6 +30,7 @@ _FORMS = {
     ("at", "inertia"): "of the response, whose load coasts on",
     ("by", "sign"): "alike to both sides",
     ("by", "skew"): "to one side",
+    ("by", "response"): "of the response",
     ("by", "command"): "by the sign of the command",
     ("by", "effort"): "by the sign of the effort",
     ("by", "floor"): "rounding down",

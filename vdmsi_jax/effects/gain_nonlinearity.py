@@ -41,14 +41,14 @@ class BentResponse(AbstractEffect):
     System Identification, 2013, ch. 2).
 
     Attributes:
-        at: which signal is bent.
+        by: what bends it.
     """
 
     cause: ClassVar[str] = "gain_nonlinearity"
 
     quadratic: Float[Array, ""] = parameter("1/response", "of y |y|")
     cubic: Float[Array, ""] = parameter("1/response^2", "of y cubed")
-    at: Literal["response"] = eqx.field(static=True, default="response")
+    by: Literal["response"] = eqx.field(static=True, default="response")
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
         size = max(abs(scales.y_low), abs(scales.y_high), 1e-12)
