@@ -187,10 +187,11 @@ def pendulum(seed: int, friction: float, seconds: float = 6.0):
 @pytest.mark.parametrize("seed", [2, pytest.param(1, marks=pytest.mark.slow)])
 def test_friction_is_found_beside_the_weight_that_a_weak_servo_carries(seed):
     """Nothing fits before friction is in: of linear plants one whose error a colour of noise takes
-    scores best (seed 1), and a refit that stops early leaves friction behind."""
+    scores best (seed 1), and a refit that stops early leaves friction behind. The weight bends the
+    response, and what is told of that takes a part of the level."""
     found = vj.diagnose(pendulum(seed, friction=0.15))
     (friction,) = (f for f in found.findings if f.cause == "coulomb_friction")
-    assert friction.parameters["level"].value == pytest.approx(0.15, abs=0.012)
+    assert friction.parameters["level"].value == pytest.approx(0.15, abs=0.018)
     assert found.extended["y"].fit > 96.0 > found.channels["y"].fit + 3.0
 
 
