@@ -9,7 +9,7 @@ import floors
 
 # the floors are given to one decimal; husky's right wheel lies on its edge (80.05 for 80.1)
 ROUNDING = 0.06
-POLES = (1, 2, 3)  # with four and five, three times as long, FIT is no less
+POLES = (1, 2, 3)  # the floors are those of one lag, and larger orders take long
 FAST = ("f110_frictionmaps/ds1",)
 
 

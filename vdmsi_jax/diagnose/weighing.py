@@ -108,6 +108,13 @@ class Weighing:
         NaN where it is told by another channel."""
         if not self._told_by(cause, gain):
             return math.nan
+        return self._part(gain)
+
+    def _part(self, gain: Gain) -> float:
+        """Share that a cause takes of what its channel errs by with no cause; 0 where that is
+        unknown."""
+        if gain.channel not in self.baseline:
+            return 0.0
         return (gain.mse_before - gain.mse_after) / max(self.baseline[gain.channel].mse, 1e-300)
 
     def taken(self, channel: str) -> float:
@@ -153,8 +160,7 @@ class Weighing:
             none = value < 0.0 or (value < _BUS and g.after - g.before < _LATE)
         elif found.cause == "resonance":
             damping = found.parameters["damping"].value
-            own = (g.mse_before - g.mse_after) / max(self.baseline[g.channel].mse, 1e-300)
-            none = damping > _DAMPED or (damping > _LIGHT and own < _ADDS)
+            none = damping > _DAMPED or (damping > _LIGHT and self._part(g) < _ADDS)
         worse = g.ate_before is not None and g.ate_after is not None and g.ate_after > g.ate_before
         return none or (worse and max(found.share, g.typical) < _DOUBTFUL)
 
