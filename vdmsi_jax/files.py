@@ -31,16 +31,21 @@ def output_folder(path: str | Path) -> Path:
 
 
 def write_text(path: str | Path, text: str) -> Path:
-    """Write a text file (UTF-8) so that a reader or a crash sees the old file or the whole new one.
+    """Write a text file (UTF-8) as `write_bytes` does."""
+    return write_bytes(path, text.encode())
 
-    The text goes to a temporary file in the same folder, to the disk, and then takes the name in
+
+def write_bytes(path: str | Path, content: bytes) -> Path:
+    """Write a file so that a reader or a crash sees the old file or the whole new one.
+
+    The content goes to a temporary file in the same folder, to the disk, and then takes the name in
     one step of the file system.
     """
     path = Path(path)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
             file.flush()
             os.fsync(file.fileno())
         os.chmod(temporary, 0o666 & ~_umask())

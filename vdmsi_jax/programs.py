@@ -1,17 +1,33 @@
 """Compiled programs: how they are compiled, how many a process may hold, and who compiles them."""
 
+import contextlib
+import hashlib
 import os
+import pickle
+import sys
 import threading
-from collections.abc import Hashable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
 from pathlib import Path
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import jax
 import jaxlib
+from jax import export
+
+from .files import write_bytes
+
+R = TypeVar("R")
 
 _FLAG = "xla_cpu_use_fusion_emitters"
 _MAPS, _LIMIT = Path("/proc/self/maps"), Path("/proc/sys/vm/max_map_count")
 _SHARE = 0.5
+_SETTINGS: Any = jax.config  # whose attributes no type checker knows
+_UNGUARANTEED = [  # to be the same in other versions of jaxlib, for which programs are not kept
+    export.DisabledSafetyCheck.custom_call(f"lapack_{kind}ormqr_ffi") for kind in "sd"
+]
 
 
 def compile_quickly() -> None:
@@ -41,24 +57,119 @@ def make_room() -> None:
         return
     if held > _SHARE * limit:
         jax.clear_caches()
-        _compiled.clear()
+        for kept in _every:
+            kept.forget()
 
 
-_compiled: set[Hashable] = set()
-_compiling = threading.Lock()
+@jax.tree_util.register_static
+@dataclass(frozen=True)
+class Static:
+    """An argument that a program is made for; its `repr` has to tell all that it is."""
+
+    value: Any
 
 
-@contextmanager
-def compiled_once(key: Hashable) -> Iterator[None]:
-    """Let one thread call a program for the first time, and those that come meanwhile wait for it,
-    who would all trace and compile it.
+class Kept(Generic[R]):
+    """A function of pytrees of arrays whose programs, one for the shapes that it meets, outlive the
+    process.
 
-    Args:
-        key: what tells the program and the shapes that it takes apart from others.
+    JAX's compilation cache spares a later process the compiler, but not tracing and lowering, which
+    were half of the time of `vdmsi identify`. So what is lowered is kept as well (`jax.export`),
+    beside that cache, where there is one, under a key of all that may change it: the sources of
+    this package, shapes and static parts of the arguments, versions and settings. Of threads that
+    ask for the same program one makes it.
+
+    **Arguments:**
+
+    - `function`: takes its arguments by position; what is static of them stands in their treedefs,
+      as the static fields of a module do, and `Static`.
     """
-    if key in _compiled:
-        yield
-        return
-    with _compiling:
-        yield
-        _compiled.add(key)
+
+    def __init__(self, function: Callable[..., R]):
+        self.function = function
+        self._programs: dict[Hashable, _Program] = {}
+        self._making = threading.Lock()
+        _every.append(self)
+
+    def __call__(self, *args: Any) -> R:
+        """What the function returns."""
+        leaves, tree = jax.tree.flatten(args)
+        return self._program(leaves, tree)(leaves)
+
+    def compile(self, *args: Any) -> None:
+        """Have the program ready for arguments like these, in which `jax.ShapeDtypeStruct`s may
+        stand for arrays."""
+        self._program(*jax.tree.flatten(args))
+
+    def forget(self) -> None:
+        """Let go of all programs; those that are called again are made again."""
+        self._programs = {}
+
+    def _program(self, leaves: list[Any], tree: Any) -> "_Program":
+        key = tree, tuple((leaf.shape, leaf.dtype) for leaf in leaves)
+        program = self._programs.get(key)
+        if program is None:
+            with self._making:
+                program = self._programs.get(key) or self._made(*key)
+                self._programs[key] = program
+        return program
+
+    def _made(self, tree: Any, shapes: tuple) -> "_Program":
+        """From its file, or from the function, which then leaves one."""
+        name = f"{self.function.__module__}.{self.function.__qualname__}"
+        file = _file(name, repr((tree, shapes)))
+        structs = [jax.ShapeDtypeStruct(*shape) for shape in shapes]
+        if file is not None and file.exists():
+            with contextlib.suppress(Exception):  # what cannot be read is written anew
+                lowered, result = pickle.loads(file.read_bytes())
+                call = export.deserialize(bytearray(lowered)).call
+                return _Program(jax.jit(call).lower(structs).compile(), result)
+        results = []
+
+        def flat(leaves):
+            out, result = jax.tree.flatten(self.function(*jax.tree.unflatten(tree, leaves)))
+            results.append(jax.tree.unflatten(result, range(len(out))))
+            return out
+
+        if file is not None:
+            # not every operation can be exported, nor every folder written to
+            with contextlib.suppress(ValueError, NotImplementedError, OSError):
+                exported = export.export(jax.jit(flat), disabled_checks=_UNGUARANTEED)(structs)
+                file.parent.mkdir(parents=True, exist_ok=True)
+                write_bytes(file, pickle.dumps((bytes(exported.serialize()), results[0])))
+                return _Program(jax.jit(exported.call).lower(structs).compile(), results[0])
+        return _Program(jax.jit(flat).lower(structs).compile(), results[0])
+
+
+class _Program(NamedTuple):
+    """What takes and gives leaves, and what its result looks like, with their numbers in place of
+    leaves."""
+
+    run: jax.stages.Compiled
+    result: Any
+
+    def __call__(self, leaves: list[Any]) -> Any:
+        return jax.tree.unflatten(jax.tree.structure(self.result), self.run(leaves))
+
+
+_every: list[Kept] = []
+
+
+def _file(name: str, arguments: str) -> Path | None:
+    """Where a program is kept; None where no compilation cache is in use."""
+    folder = _SETTINGS.jax_compilation_cache_dir
+    if not folder or "://" in folder or not _SETTINGS.jax_enable_compilation_cache:
+        return None
+    told = (_surroundings(), jax.default_backend(), _SETTINGS.jax_enable_x64, name, arguments)
+    key = hashlib.sha256(repr(told).encode()).hexdigest()
+    return Path(folder) / "programs" / f"{name}-{key[:32]}"
+
+
+@cache
+def _surroundings() -> tuple[str, ...]:
+    """The sources of this package, and the versions of what they are traced with."""
+    sources = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
+        sources.update(path.read_bytes())
+    libraries = ("jax", "jaxlib", "equinox", "lineax", "optimistix")
+    return sources.hexdigest(), sys.version, *(version(name) for name in libraries)

@@ -19,6 +19,7 @@ from ..effects import VEHICLE
 from ..effects.base import first_order
 from ..models.bicycle import Bicycle
 from ..parameters import parameters
+from ..programs import Kept, Static
 from .chain import Chain
 from .colour import filter_length, settled
 from .noise import PER_LAG, Pair, differences, shared
@@ -93,6 +94,8 @@ class Body:
         bicycle: geometry; `dt`: sample period, s.
         by_yaw_rate: whether the angle was made of yaw rate and speed: a hypothesis that changes
             the speed changes the angle then, and leaves the yaw rate.
+        yaw_bias: of the yaw rate, rad/s, that was taken out of the angle; it is for a hypothesis to
+            say it.
         refuted: numbers of the causes that failed on data held out.
         repeats: runs with the same commands, whose noise is that of all where both are fitted.
     """
@@ -109,6 +112,7 @@ class Body:
     by_yaw_rate: bool = False
     refuted: tuple[int, ...] = ()
     repeats: tuple[Pair, ...] = ()
+    yaw_bias: float = 0.0
 
     def without(self, cause: int) -> "Body":
         """The same without one more cause."""
@@ -192,7 +196,11 @@ class Body:
         hidden |= {("sensor_bias", "psi")}
         if self.by_yaw_rate:
             hidden |= {("sensor_lag", "v"), ("sensor_delay", "v")}
-        yaw = {("sensor_lag", "r"), ("sensor_delay", "r"), ("sensor_bias", "r")}
+        yaw = {("sensor_lag", "r"), ("sensor_delay", "r")}
+        if self.yaw_bias == 0.0:
+            yaw |= {("sensor_bias", "r")}
+        else:  # then the wheels of the path stand as those of the yaw rate without it
+            hidden |= {("offset", None)}
         return tuple(
             i
             for i, c in enumerate(CAUSES)
@@ -220,8 +228,9 @@ class Body:
     def _moved(self, theta: Float[np.ndarray, "L P"], v: np.ndarray, delta: np.ndarray):
         """Yaw rates, increments and poses of no more vectors than a program takes."""
         padded = np.concatenate([theta, np.repeat(theta[:1], _LANES - len(theta), axis=0)])
-        given = self.bicycle, self.dt, self.by_yaw_rate, self.window
-        moved = _simulate(VEHICLE, padded, v, delta, *given)
+        how = Static((self.by_yaw_rate, self.window))
+        told = np.asarray(self.dt), np.asarray(self.yaw_bias)
+        moved = _simulate(padded, v, delta, self.bicycle, *told, how)
         return jax.tree.map(lambda x: np.asarray(x)[: len(theta)], moved)
 
 
@@ -238,22 +247,22 @@ def increments(x, y, psi, window: int, xp=np):
     return turned, c * dx + s * dy, c * dy - s * dx
 
 
-@eqx.filter_jit
-def _simulate(effects, theta, v, delta, bicycle: Bicycle, dt, by_yaw_rate: bool, window: int):
+@Kept
+def _simulate(theta, v, delta, bicycle: Bicycle, dt, yaw_bias, how: Static):
+    by_yaw_rate, window = how.value
+
     def one(vector, v, delta):
-        r, *pose = _motion(effects, vector, v, delta, bicycle, dt, by_yaw_rate)
+        r, *pose = _motion(vector, v, delta, bicycle, dt, by_yaw_rate, yaw_bias)
         return r, increments(*pose, window, jnp), tuple(pose)
 
     over_runs = jax.vmap(one, in_axes=(None, 0, 0))
-    return jax.vmap(over_runs, in_axes=(0, None, None))(
-        jnp.asarray(theta), jnp.asarray(v), jnp.asarray(delta)
-    )
+    return jax.vmap(over_runs, in_axes=(0, None, None))(theta, v, delta)
 
 
-def _motion(registered, vector, v, delta, bicycle, dt, by_yaw_rate):
+def _motion(vector, v, delta, bicycle, dt, by_yaw_rate, yaw_bias):
     yaw_lag, turning, ahead, slip = vector[: len(NUISANCE)]
     at, effects = len(NUISANCE), []
-    for effect in registered:
+    for effect in VEHICLE:
         for name in parameters(effect):
             effect = eqx.tree_at(lambda e, name=name: getattr(e, name), effect, vector[at])
             at += 1
@@ -265,7 +274,10 @@ def _motion(registered, vector, v, delta, bicycle, dt, by_yaw_rate):
         v, delta = effect.speed(v), effect.angle(delta)
     if by_yaw_rate:
         slow = jnp.abs(v) < _STANDS * jnp.max(jnp.abs(v))
-        delta = jnp.arctan(jnp.tan(delta) * jnp.where(slow, 1.0, told / jnp.where(slow, 1.0, v)))
+        per_speed = jnp.where(slow, 0.0, 1.0 / jnp.where(slow, 1.0, v))
+        unexplained = jnp.where(yaw_bias == 0.0, 0.0, yaw_bias - r_bias) * bicycle.wheelbase
+        tangent = jnp.tan(delta) * jnp.where(slow, 1.0, told * per_speed)
+        delta = jnp.arctan(tangent + unexplained * per_speed)
     beta = bicycle.slip_angle(delta)
     kappa = bicycle.course(delta)[2]
     for effect in effects:

@@ -26,6 +26,8 @@ _LONGEST = 6000  # samples of a run that are simulated at once; longer ones are 
 _MOST = 15_000  # samples that are looked at; of more, stretches spread over all of them are
 _STRETCH = 2000  # samples of such a stretch
 _MOST_RUNS = 24  # that are looked at
+_HEADED, _HEADINGS = 4.0, 6  # s, over which headings are compared, and how often at least
+_SURELY = 5.0  # standard errors, from which the yaw rate has a bias
 _SMOOTH = 0.1  # s, over which a signal is averaged whose plant is not known
 _ROW = 0.02  # s, between rows of a vehicle's record
 _BLOCKS, _JUDGING = 10, (2, 5, 8)  # parts of a single run, and which of them are held out; others
@@ -193,14 +195,14 @@ def _apart(n: int, others: bool) -> tuple[tuple[int, int], ...]:
 
 
 def steering_angle(runs: Runs) -> tuple[np.ndarray, np.ndarray] | None:
-    """Measured road-wheel angle and where it is known; from yaw rate and speed where it was not
-    logged, None where neither was."""
+    """Measured road-wheel angle and where it is known; where it was not logged, from speed and yaw
+    rate, less its bias; None where neither was."""
     if all("delta" in r for r in runs.records):
         return runs.channel("delta"), runs.seen("delta")
     vehicle = runs.records[0].vehicle
     if vehicle is None or not all("r" in r and "v" in r for r in runs.records):
         return None
-    v, r = runs.channel("v"), runs.channel("r")
+    v, r = runs.channel("v"), runs.channel("r") - yaw_rate_bias(runs)
     seen = runs.seen("r") & runs.seen("v")
     usual = float(np.median(np.abs(v[seen]))) if seen.any() else 0.0
     known = (np.abs(v) > max(_SLOWEST_STEERED, _SLOWER_STEERED * usual)) & seen
@@ -210,6 +212,29 @@ def steering_angle(runs: Runs) -> tuple[np.ndarray, np.ndarray] | None:
     limit = 0.99 / max(abs(behind), 1e-6)
     angle = np.asarray(bicycle.steering_angle(jnp.asarray(np.clip(curvature, -limit, limit))))
     return angle, known & (np.abs(curvature) < limit)
+
+
+def yaw_rate_bias(runs: Runs) -> float:
+    """What the yaw rate says more than the heading turns, rad/s, of what is fitted; zero where that
+    is not sure, or one of them was not logged."""
+    if not all("r" in record and "psi" in record for record in runs.records):
+        return 0.0
+    r, psi = runs.channel("r"), np.unwrap(runs.channel("psi"), axis=1)
+    seen = runs.seen("r") & runs.seen("psi") & ~runs.held()
+    rows = max(round(_HEADED / runs.dt), 2)
+    turned = runs.dt * np.cumsum(0.5 * (r[:, 1:] + r[:, :-1]), axis=1)
+    excess = []
+    for own, angle, use in zip(turned, psi, seen, strict=True):
+        for a in range(0, len(own) - rows, rows):
+            b = a + rows
+            if use[a : b + 2].all():
+                excess.append((own[b] - own[a] - angle[b + 1] + angle[a + 1]) / (rows * runs.dt))
+    if len(excess) < _HEADINGS:
+        return 0.0
+    middle = float(np.median(excess))
+    spread = 1.4826 * float(np.median(np.abs(np.array(excess) - middle)))
+    sure = abs(middle) > _SURELY * 1.2533 * spread / np.sqrt(len(excess))
+    return middle if sure else 0.0
 
 
 def kind(effect: AbstractEffect) -> str:
@@ -381,6 +406,7 @@ def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
     return Body(
         smooth["v"], smooth["delta"], v - smooth["v"], delta - smooth["delta"],
         measured, mask, held_out, bicycle, runs.dt, by_yaw_rate, repeats=repeats(runs),
+        yaw_bias=0.0 if "delta" in channels else yaw_rate_bias(runs),
     )  # fmt: skip
 
 

@@ -8,8 +8,8 @@ the same program.
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -22,7 +22,7 @@ from ..models.extended_plant import acts, respond
 from ..models.observer_form import effort_of_steps, observer, slowness_of, steps_of
 from ..models.state_space import StateSpace
 from ..parameters import Parameter, parameters
-from ..programs import compiled_once
+from ..programs import Kept, Static
 from .noise import Noise, OwnNoise
 
 POLES = 4
@@ -217,8 +217,8 @@ class Stage:
         self, theta: Float[np.ndarray, "L P"], h: Float[ArrayLike, ""]
     ) -> Float[np.ndarray, "L K"]:
         """The plants of vectors, with steps over `h` seconds, a row of numbers each."""
-        starts = range(0, len(theta), _PAIRS)
-        parts = [_plants(_padded(theta[k : k + _PAIRS]), self.pace, h) for k in starts]
+        starts, pace = range(0, len(theta), _PAIRS), np.asarray(self.pace)
+        parts = [_plants(_padded(theta[k : k + _PAIRS]), pace, h) for k in starts]
         return np.concatenate(parts)[: len(theta)]
 
     @cached_property
@@ -255,7 +255,7 @@ class _Group:
     """
 
     runs: Int[np.ndarray, " G"]
-    tree: Any
+    tree: Static
     leaves: list
     u: Float[Array, "pairs N"]
     level: Float[Array, " pairs"]
@@ -278,7 +278,7 @@ class _Group:
         rows = {name: _longer(np.asarray(getattr(signals, name))[pairs]) for name in PER_RUN}
         leaves, tree = jax.tree.flatten((unravel, replace(signals, **rows)))
         u, level = _longer(stage.u[pairs]), jnp.asarray(stage.level[pairs])
-        return _Group(runs, tree, leaves, u, level, signals.h, stage.u.shape[1])
+        return _Group(runs, Static(tree), leaves, u, level, signals.h, stage.u.shape[1])
 
     @property
     def lanes(self) -> int:
@@ -294,8 +294,7 @@ class _Group:
         """The response of some vectors, no more than `lanes`, to the commands of the runs."""
         many = len(self.runs)
         plants, vectors = (_padded(np.repeat(rows, many, axis=0)) for rows in (plants, theta))
-        with compiled_once((self.tree, self.u.shape)):
-            y = _simulate(self.tree, self.leaves, plants, vectors, on, self.u, self.level)
+        y = _simulate(self.tree, self.leaves, plants, vectors, on, self.u, self.level)
         return np.asarray(y)[: len(theta) * many, : self.n].reshape(len(theta), many, self.n)
 
 
@@ -372,7 +371,7 @@ class _Plant(NamedTuple):
         return _Plant(*(x.reshape(shape) for x, shape in zip(parts, shapes, strict=True)))
 
 
-@jax.jit
+@Kept
 def _plants(theta, pace, h):
     """The plants of many vectors, with steps over `h` seconds."""
 
@@ -394,9 +393,9 @@ def _plants(theta, pace, h):
     return jax.vmap(one)(theta)
 
 
-@partial(jax.jit, static_argnums=0)
+@Kept
 def _simulate(tree, leaves, plants, theta, on, u, level):
-    unravel, signals = jax.tree.unflatten(tree, leaves)
+    unravel, signals = jax.tree.unflatten(tree.value, leaves)
 
     def one(row, vector, u, signals, level):
         plant = _Plant.of_row(row)

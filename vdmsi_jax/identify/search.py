@@ -7,13 +7,11 @@ with one zero or one pole less, until no order gains: so FIT never falls where o
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import ShapeDtypeStruct
 from jaxtyping import Array
 
 from vdmsi_jax.identify.equation_error import equation_error
@@ -21,6 +19,7 @@ from vdmsi_jax.identify.layout import Samples
 from vdmsi_jax.identify.pairs import promising_pairs
 from vdmsi_jax.identify.refine import Candidate, Judged, judge, refine
 from vdmsi_jax.identify.response import N_MAX, Details, Order, detail
+from vdmsi_jax.programs import Kept
 from vdmsi_jax.threads import AT_ONCE
 
 _CUTOFFS = (1.0, 4.0)  # of the first filters, in units of the pole of the best first-order fit
@@ -71,7 +70,7 @@ class Search:
         self.longest = jnp.asarray(longest_delay or 0.0, float)
         self.has_delay, self.offset = longest_delay is not None, offset
         self.lanes = _fitting_lanes(samples, _LANES)
-        self.programs = _compile(_structure(samples), self.lanes)
+        _compile(samples, self.lanes)
 
     def run(self, delays: Sequence[float]) -> dict[tuple[int, int], Point]:
         """The best found for every order, from starts at `delays` (in samples, the best first)."""
@@ -210,7 +209,7 @@ class Search:
             batches.append((start if name == "refine" else start.candidate, order))
 
         def run(batch: tuple[Any, Order], part: list[Point]) -> list[Point]:
-            return _unstack(self.programs[name](*batch, self.samples, self.longest), part)
+            return _unstack(_PROGRAMS[name](*batch, self.samples, self.longest), part)
 
         with ThreadPoolExecutor(AT_ONCE) as pool:
             return [point for found in pool.map(run, batches, parts) for point in found]
@@ -225,14 +224,9 @@ def simulate_points(
     for first in range(0, len(points), lanes):
         part = list(points[first : first + lanes])
         start, order = _stack(part + part[-1:] * (lanes - len(part)), delay=delay, offset=offset)
-        out = jax.tree.map(np.asarray, _detail(start.candidate, order, samples, fitted))
+        out = jax.tree.map(np.asarray, _DETAIL(start.candidate, order, samples, fitted))
         found += [jax.tree.map(lambda leaf, i=i: leaf[i], out) for i in range(len(part))]
     return found
-
-
-@jax.jit
-def _detail(candidate: Candidate, order: Order, samples: Samples, fitted: Array) -> Details:
-    return jax.vmap(lambda c, o: detail(c.a, c.d, o, samples, fitted))(candidate, order)
 
 
 def _fitting_lanes(samples: Samples, wanted: int) -> int:
@@ -296,37 +290,38 @@ def _with_pole(a: np.ndarray, n: int, pole: float) -> np.ndarray:
     return np.pad(product, (0, N_MAX - n - 1))
 
 
-_Structure = tuple[tuple[tuple[tuple[int, ...], str], ...], Any]
+def _refined(points: Judged, orders: Order, samples: Samples, longest: Array) -> Judged:
+    return jax.vmap(lambda p, o: refine(p, o, samples, longest))(points, orders)
 
 
-def _structure(samples: Samples) -> _Structure:
-    leaves, tree = jax.tree.flatten(samples)
-    return tuple((leaf.shape, leaf.dtype.name) for leaf in leaves), tree
+def _fitted(points: Candidate, orders: Order, samples: Samples, longest: Array) -> Candidate:
+    return jax.vmap(lambda p, o: equation_error(p, o, samples))(points, orders)
 
 
-@lru_cache(maxsize=16)
-def _compile(structure: _Structure, lanes: int) -> dict[str, Any]:
-    """The programs for samples of one structure, compiled side by side."""
-    shapes, tree = structure
-    samples = jax.tree.unflatten(tree, [ShapeDtypeStruct(s, d) for s, d in shapes])
+def _judged(points: Candidate, orders: Order, samples: Samples, longest: Array) -> Judged:
+    return jax.vmap(lambda p, o: judge(p, o, samples, longest))(points, orders)
+
+
+def _detailed(points: Candidate, orders: Order, samples: Samples, fitted: Array) -> Details:
+    return jax.vmap(lambda p, o: detail(p.a, p.d, o, samples, fitted))(points, orders)
+
+
+_DETAIL = Kept(_detailed)
+_PROGRAMS: dict[str, Kept] = {
+    "refine": Kept(_refined),
+    "equation_error": Kept(_fitted),
+    "judge": Kept(_judged),
+}
+
+
+def _compile(samples: Samples, lanes: int) -> None:
+    """Have the programs of a search ready, made side by side."""
     start, order = _stack([Point((1, 0), np.zeros(N_MAX), 0.0)] * lanes, delay=True, offset=True)
-    longest = jnp.zeros(())
-
-    def of_lanes(one: Any) -> Any:
-        return jax.jit(
-            lambda points, order, samples, longest: jax.vmap(
-                lambda p, o: one(p, o, samples, longest)
-            )(points, order)
-        )
-
-    lowered = {
-        "refine": of_lanes(refine).lower(start, order, samples, longest),
-        "equation_error": of_lanes(lambda p, o, s, _: equation_error(p, o, s)).lower(
-            start.candidate, order, samples, longest
-        ),
-        "judge": of_lanes(judge).lower(start.candidate, order, samples, longest),
-    }
+    given = {"refine": start, "equation_error": start.candidate, "judge": start.candidate}
     with ThreadPoolExecutor(AT_ONCE) as pool:
-        return dict(
-            zip(lowered, pool.map(lambda low: low.compile(), lowered.values()), strict=True)
-        )
+        made = [
+            pool.submit(_PROGRAMS[name].compile, points, order, samples, jnp.zeros(()))
+            for name, points in given.items()
+        ]
+        for program in made:
+            program.result()

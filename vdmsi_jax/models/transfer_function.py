@@ -7,6 +7,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Complex, Float
 
 from vdmsi_jax.models import exchange
@@ -54,7 +55,8 @@ class TransferFunction(AbstractPlant):
             ValueError: no pole, more zeros than poles (eq. (5) cannot realise it), or arrays that
                 are not vectors.
         """
-        num, den = jnp.asarray(num, float), jnp.asarray(den, float)
+        # NumPy's numbers stay its own until the end: it divides them without compiling anything
+        num, den = (x if isinstance(x, jax.Array) else np.asarray(x, float) for x in (num, den))
         if num.ndim != 1 or den.ndim != 1 or num.size == 0 or den.size < 2:
             raise ValueError(
                 "num and den are vectors of coefficients in descending powers of s, "
@@ -63,7 +65,7 @@ class TransferFunction(AbstractPlant):
         reason = improper_reason(den.size - 1, num.size - 1)
         if reason is not None:
             raise ValueError(f"{reason}; give at most {den.size} numerator coefficients")
-        self.num, self.den = num / den[0], den / den[0]
+        self.num, self.den = jnp.asarray(num / den[0], float), jnp.asarray(den / den[0], float)
         self.delay = None if delay is None else jnp.asarray(delay, float)
         self.offset = None if offset is None else jnp.asarray(offset, float)
 
