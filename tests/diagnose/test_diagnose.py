@@ -151,3 +151,17 @@ def test_a_log_that_answers_to_nothing_is_refused():
     lonely = vj.Record.from_arrays(dt=0.02, name="lonely", v=np.sin(np.arange(500) * 0.01))
     with pytest.raises(vj.InputError, match="command"):
         vj.diagnose(lonely)
+
+
+def test_a_bias_of_the_yaw_rate_is_told_where_the_angle_is_made_of_it(logs):
+    """The heading tells it; else the angle would have an offset that changes with the speed."""
+
+    def biased(record):
+        kept = {c: x for c, x in record.channels.items() if c != "delta"}
+        return replace(record, channels=kept | {"r": record["r"] + 0.03})
+
+    found = vj.diagnose([biased(record) for record in logs])
+    named = {(f.cause, f.where, f.channel): f for f in found.findings}
+    assert set(named) == {("backlash", "steering", None), ("sensor_bias", "sensor", "r")}
+    bias = named["sensor_bias", "sensor", "r"].parameters["bias"]
+    assert bias.unit == "rad/s" and bias.value == pytest.approx(0.03, abs=0.003)

@@ -26,14 +26,8 @@ def first_order(stage: Stage) -> list[Hypothesis]:
     ladder = np.geomspace(2.0 * stage.dt, 0.5 * duration, 16)
     thetas = np.repeat(stage.off[None], len(ladder), axis=0)
     thetas[:, 0] = thetas[:, POLES] = 1.0 / (ladder * stage.pace)
-    errors, shares = _fitted(stage, [[row] for row in stage.simulate(thetas)[:, stage.mask]])
-    picked = np.argsort(errors)[:2]
-    made = []
-    for k in picked:
-        theta = thetas[k].copy()
-        theta[POLES] *= shares[k][0]
-        made.append(Hypothesis(1, 0, (), theta))
-    return made
+    errors, scaled = _scaled(stage, thetas)
+    return [Hypothesis(1, 0, (), scaled[k]) for k in np.argsort(errors)[:2]]
 
 
 def nested(stage: Stage, h: Hypothesis) -> Iterable[Hypothesis]:
@@ -149,15 +143,10 @@ def delayed(stage: Stage, first: Refit) -> list[Hypothesis]:
     paces = np.repeat(_PACES, _DELAYS) * abs(first.hypothesis.theta[0])
     thetas[:, 0] = thetas[:, POLES] = paces
     thetas[:, stage.slots[number].index[0]] = np.tile(delays, len(_PACES))
-    rows = stage.simulate(thetas)[:, stage.mask]
-    errors, shares = _fitted(stage, [[row] for row in rows])
-    errors = np.where(np.isfinite(errors), errors, np.inf).reshape(len(_PACES), _DELAYS)
-    made = []
-    for k in np.argmin(errors, axis=1) + _DELAYS * np.arange(len(_PACES)):
-        if errors.flat[k] < _NEARLY * errors.min():
-            thetas[k][POLES] *= shares[k][0]
-            made.append(Hypothesis(1, 0, (number,), thetas[k]))
-    return made
+    errors, scaled = _scaled(stage, thetas)
+    best = errors.reshape(len(_PACES), _DELAYS).argmin(axis=1) + _DELAYS * np.arange(len(_PACES))
+    near = [k for k in best if errors[k] < _NEARLY * errors.min()]
+    return [Hypothesis(1, 0, (number,), scaled[k]) for k in near]
 
 
 def ringing(stage: Stage, plain: Refit) -> list[Hypothesis]:
@@ -198,13 +187,9 @@ def bent(stage: Stage, first: Refit) -> list[Hypothesis]:
                 thetas.append(theta)
                 numbers.append(number)
     best: dict[int, tuple[float, np.ndarray]] = {}
-    rows = stage.simulate(np.stack(thetas))[:, stage.mask]
-    errors, shares = _fitted(stage, [[row] for row in rows])
-    for number, theta, error, (gain,) in zip(numbers, thetas, errors, shares, strict=True):
-        if np.isfinite(error) and (number not in best or error < best[number][0]):
-            scaled = theta.copy()
-            scaled[POLES] *= gain
-            best[number] = (error, scaled)
+    for number, error, theta in zip(numbers, *_scaled(stage, np.stack(thetas)), strict=True):
+        if error < best.get(number, (np.inf,))[0]:
+            best[number] = (error, theta)
     return [Hypothesis(1, 0, (number,), theta) for number, (_, theta) in best.items()]
 
 
@@ -253,10 +238,10 @@ def scanned(stage: Stage, at: Refit) -> list[Hypothesis]:
         if slot.cause == "quantization" and nearest:
             thetas = np.repeat(h.theta[None], len(sizes := _steps(stage.scales)), axis=0)
             thetas[:, slot.index[0]] = sizes
-            errors, shares = _fitted(stage, [[y] for y in stage.simulate(thetas)[:, stage.mask]])
-            for k in np.argsort(errors)[:2]:
-                thetas[k][POLES : 2 * POLES] *= shares[k][0]
-                made.append(Hypothesis(h.poles, h.zeros, (number,), thetas[k]))
+            errors, scaled = _scaled(stage, thetas)
+            made += [
+                Hypothesis(h.poles, h.zeros, (number,), scaled[k]) for k in np.argsort(errors)[:2]
+            ]
     return made
 
 
@@ -293,6 +278,16 @@ def _steps(scales: Scales) -> np.ndarray:
     while sizes[-1] < _WIDEST * whole:
         sizes.append(sizes[-1] * (1.0 + sizes[-1] / (6.0 * largest)))
     return np.array(sizes)
+
+
+def _scaled(stage: Stage, thetas: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Squared errors of plants whose gain, and a level, are by least squares, infinite where they
+    blow up; and the plants with that gain."""
+    rows = stage.simulate(thetas)[:, stage.mask]
+    errors, shares = _fitted(stage, [[row] for row in rows])
+    scaled = thetas.copy()
+    scaled[:, POLES : 2 * POLES] *= np.array(shares)
+    return np.where(np.isfinite(errors), errors, np.inf), scaled
 
 
 def _fitted(

@@ -34,7 +34,7 @@ _SERIOUS, _MOSTLY = 0.05, 0.3  # share of structure in a residual that is spoken
 _SETTLED = 0.75  # share of a channel's error from which on findings have explained it
 _OPEN = 0.12  # share of it that is left and structure, from which on they have not
 _ELSEWHERE = 0.08  # slow error, of a response's spread, that weighs beside findings elsewhere
-_NO_WIND = 0.12  # the same, beyond which an error is no disturbance: of clean exams up to 0.06, and
+_NO_WIND = 0.08  # the same, beyond which an error is no disturbance: of clean exams up to 0.06, and
 # what the library lacks 0.09 to 0.33
 _COARSE = 0.1  # share of a rounding in what a model leaves, from which it is a finding
 _SAME_STEP = 0.1  # by which the step of a plant's rounding may differ from that of its sensor
