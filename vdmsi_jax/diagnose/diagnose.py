@@ -16,7 +16,7 @@ from ..programs import make_room
 from ..threads import AT_ONCE, one_for_blas
 from .body_search import search_body
 from .found import Search
-from .leftover import breaks_where_judged, is_another
+from .leftover import breaks_where_judged, is_another, only_where_judged
 from .noise import KnownNoise
 from .prepare import Runs, body_of, lay_out, slower, stage_of
 from .result import Diagnosis
@@ -78,6 +78,14 @@ def _diagnose(
         say("the logs that judge show what the others do not: fitting a part of each")
         parts = _evidence(several, lay_out(several, whole=False), plants, noise, say).diagnosis()
         found = max(found, parts, key=lambda d: len(d.findings))
+    elif runs.whole() and only_where_judged(found, runs.judging()):
+        say("only logs that no fit has seen show structure: fitting a part of each")
+        for others in (False, True):
+            parts = lay_out(several, whole=False, others=others)
+            again = _evidence(several, parts, plants, noise, say).diagnosis()
+            if again.verdict != found.verdict:
+                found = again
+                break
     elif not runs.whole() and any(map(breaks_where_judged, evidence.searches.values())):
         say("something changes in a part that judges: fitting other parts")
         apart = lay_out(several, whole=False, others=True)

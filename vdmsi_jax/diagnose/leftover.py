@@ -1,6 +1,6 @@
 """What all causes together leave: structure, in each channel, that the library has no name for."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,11 +15,20 @@ from .families import Explained, Family, better_than, explained, of_body, of_pla
 from .found import Failed, Finding, Search
 from .judge import Scored
 from .prepare import Runs, derived, steering_angle
-from .result import Unexplained
+from .result import Diagnosis, Unexplained
 from .search import FREE
 from .stage import Stage
 from .travelled import line_over
-from .unexplained import LARGE_HELD_OUT, SMALL, events, extent, slow_error, slow_sizes, structure
+from .unexplained import (
+    LARGE_HELD_OUT,
+    SMALL,
+    WORSE,
+    events,
+    extent,
+    slow_error,
+    slow_sizes,
+    structure,
+)
 from .windows import thinned
 
 _LOUD = 100.0  # of twice the log-likelihood, from which a cause that fails on other data is told
@@ -74,6 +83,18 @@ def breaks_where_judged(own: Search) -> bool:
         if np.any(near & stage.held_out):
             return True
     return False
+
+
+def only_where_judged(found: Diagnosis, judging: Collection[str]) -> bool:
+    """Whether nothing but structure was found, and that in runs that no fit has seen alone: they
+    may ask for what the others do not show, faster steps of the same size or turns at a higher
+    speed."""
+    left = [u for u in found.unexplained if u.size >= SMALL]
+    alone = (
+        u.test == WORSE or (u.when and all(run in judging for run, *_ in u.when)) for u in left
+    )
+    nothing_else = found.verdict == "unexplained_structure" and not found.findings
+    return nothing_else and all(alone)
 
 
 def stand_ins(

@@ -100,6 +100,11 @@ class Runs:
         """Whether whole records are held out."""
         return any(not spans for spans in self.judged) and any(self.judged)
 
+    def judging(self) -> list[str]:
+        """Names of the runs of which some is held out."""
+        names = [r for r, spans in zip(self.names, self.judged, strict=True) if spans]
+        return list(dict.fromkeys(names))
+
     def time(self) -> Float[np.ndarray, "R N"]:
         """(R, N) time since the start of the run, s."""
         return np.asarray(self.since)[:, None] + self.dt * np.arange(self.length)

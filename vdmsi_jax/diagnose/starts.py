@@ -161,13 +161,16 @@ def ringing(stage: Stage, plain: Refit) -> list[Hypothesis]:
         if not kept.size:
             continue
         den, own = np.real(np.poly(kept)), zeros[np.abs(zeros.imag) < 1e-9].real
+        # a weight of w has its pair of zeros at the mode's frequency by the root of 1 - w
+        pairs = np.abs(zeros[(zeros.imag > 0) & (np.abs(zeros.real) < 0.4 * np.abs(zeros))])
+        shares = (0.3, 0.8, -0.2, *(1.0 - (abs(p) / pairs) ** 2))
         mode = abs(p) * stage.pace / (2.0 * np.pi), max(-p.real / abs(p), 0.01)
         for led in {0, min(own.size, kept.size - 1)}:
             num = np.atleast_1d(np.poly(own[:led]))
             if num[-1] == 0.0:
                 continue
             start = plant(h, stage, den, num * level * den[-1] / num[-1])
-            made += [_added(stage, start, number, (*mode, share)) for share in (0.3, 0.8, -0.2)]
+            made += [_added(stage, start, number, (*mode, share)) for share in shares]
     return made
 
 
@@ -255,12 +258,13 @@ def _changed(stage: Stage, h: Hypothesis, number: int) -> list[Hypothesis]:
     thetas = np.repeat(h.theta[None], 2 * _TIMES, axis=0)
     thetas[:, time], thetas[:, gain] = np.tile(times, 2), _CHANGE
     thetas[_TIMES:, slowing] = lag
-    y = stage.simulate(np.concatenate([h.theta[None], thetas]))[:, stage.mask]
-    base, changed, slowed = y[0], y[1 : 1 + _TIMES], y[1 + _TIMES :]
+    forced, free = (x[0] for x in _forced(stage, h.theta[None]))
+    y, base = stage.simulate(thetas)[:, stage.mask], forced + free
+    changed, slowed = y[:_TIMES], y[_TIMES:]
     made = []
     for lags in (False, True):
-        rows = [[base, a - base, b - a] for a, b in zip(changed, slowed, strict=True)]
-        errors, shares = _fitted(stage, rows if lags else [row[:2] for row in rows])
+        rows = [[forced, a - base, b - a] for a, b in zip(changed, slowed, strict=True)]
+        errors, shares = _fitted(stage, rows if lags else [row[:2] for row in rows], free)
         for k in np.argsort(errors)[:2]:
             theta, whole = thetas[k].copy(), shares[k][0]
             theta[POLES : 2 * POLES] *= whole
@@ -280,29 +284,39 @@ def _steps(scales: Scales) -> np.ndarray:
     return np.array(sizes)
 
 
-def _scaled(stage: Stage, thetas: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Squared errors of plants whose gain, and a level, are by least squares, infinite where they
+def _scaled(stage: Stage, thetas: np.ndarray, level: bool = True) -> tuple[np.ndarray, np.ndarray]:
+    """Squared errors of plants whose gain, and a `level`, are by least squares, infinite where they
     blow up; and the plants with that gain."""
-    rows = stage.simulate(thetas)[:, stage.mask]
-    errors, shares = _fitted(stage, [[row] for row in rows])
+    forced, free = _forced(stage, thetas)
+    errors, shares = _fitted(stage, [[row] for row in forced], free)
     scaled = thetas.copy()
     scaled[:, POLES : 2 * POLES] *= np.array(shares)
     return np.where(np.isfinite(errors), errors, np.inf), scaled
 
 
+def _forced(stage: Stage, thetas: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What grows with the gain of each plant, and what it does by itself: from the level that was
+    measured at first it comes to rest, which says nothing of its gain."""
+    doubled = thetas.copy()
+    doubled[:, POLES : 2 * POLES] *= 2.0
+    y = stage.simulate(np.concatenate([thetas, doubled]))[:, stage.mask]
+    forced = y[len(thetas) :] - y[: len(thetas)]
+    return forced, y[: len(thetas)] - forced
+
+
 def _fitted(
-    stage: Stage, candidates: Sequence[Sequence[np.ndarray]]
+    stage: Stage, candidates: Sequence[Sequence[np.ndarray]], free: np.ndarray
 ) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Squared errors of the measured response by least squares on each candidate's rows and a
-    level, and the shares of the rows."""
-    seen = stage.y[stage.mask]
+    """Squared errors of the measured response less what is `free`, one for all or of each
+    candidate, by least squares on each candidate's rows and a level; and the shares of the rows."""
+    seen = stage.y[stage.mask] - np.atleast_2d(free)
     rows = np.array(candidates, float)
-    ones = np.ones((len(rows), 1, seen.size))
+    ones = np.ones((len(rows), 1, seen.shape[1]))
     shape = np.concatenate([rows, ones], axis=1)
     size = np.sqrt(np.mean(shape**2, axis=2))
     shape /= np.where(size > 0.0, size, 1.0)[..., None]
     normal = shape @ np.swapaxes(shape, 1, 2)
-    normal += 1e-12 * seen.size * np.eye(shape.shape[1])
-    found = np.linalg.solve(normal, shape @ seen[:, None])
+    normal += 1e-12 * seen.shape[1] * np.eye(shape.shape[1])
+    found = np.linalg.solve(normal, shape @ seen[..., None])
     errors = np.sum((seen - np.sum(shape * found, axis=1)) ** 2, axis=1)
     return errors, list((found[..., 0] / np.where(size > 0.0, size, 1.0))[:, :-1])

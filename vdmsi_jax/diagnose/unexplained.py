@@ -14,6 +14,8 @@ from .windows import SLOW, moving_mean
 
 BURSTS = "energy of short windows"
 """The test that drop-outs and knocks fail."""
+WORSE = "the error on data held out is larger"
+"""What is said of data that are not as those fitted."""
 _WORTH = 0.01  # share of the innovations' variance below which bursts are not spoken of
 _SHARP = (4.5, 1.6)  # of white windows: spreads of the logarithm of energy, and its least excess
 _BROAD = (8.0, 3.0)  # of coloured ones, whose energies differ more
@@ -78,9 +80,7 @@ def structure(
     found = events(channel, residual, innovations, mask | held_out, runs, dt)
     worse = _worse(innovations, mask, held_out, dt)
     if worse is not None:
-        found.append(
-            Unexplained(channel, worse, ("run",), (), "the error on data held out is larger")
-        )
+        found.append(Unexplained(channel, worse, ("run",), (), WORSE))
     return found
 
 

@@ -299,8 +299,7 @@ class Evidence:
         runs = self.runs
         if all(runs.judged):
             return "three tenths of each stretch of the logs, which lie apart"
-        judges = [r.name for r, spans in zip(runs.records, runs.judged, strict=True) if spans]
-        return "whole logs: " + ", ".join(dict.fromkeys(judges))
+        return "whole logs: " + ", ".join(runs.judging())
 
 
 def _rank(found: Finding) -> tuple[float, float]:

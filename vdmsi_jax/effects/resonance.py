@@ -19,7 +19,7 @@ class Resonance(AbstractEffect):
 
     frequency: Float[Array, ""] = parameter("Hz", "of the undamped mode", off=1.0, lower=0.0)
     damping: Float[Array, ""] = parameter("1", "damping ratio", off=0.1, lower=0.005, upper=0.25)
-    share: Float[Array, ""] = parameter("1", "weight of the mode", lower=-2.0, upper=1.0)
+    share: Float[Array, ""] = parameter("1", "weight of the mode", lower=-8.0, upper=1.0)
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
         slow = max(2.0 / scales.duration, 0.05 / scales.time_constant)
