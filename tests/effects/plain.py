@@ -225,6 +225,10 @@ def bent_response(quadratic: float, cubic: float) -> Cause:
     return Cause(measured=lambda y, d: y + quadratic * y * np.abs(y) + cubic * y**3)
 
 
+def stiffened(quadratic: float, cubic: float) -> Cause:
+    return Cause(force=lambda u, y, speed, still: quadratic * y * abs(y) + cubic * y**3)
+
+
 def skewed(quadratic: float, cubic: float) -> Cause:
     return Cause(rows=lambda u, d: u + quadratic * u**2 + cubic * u**3)
 

@@ -124,6 +124,7 @@ CASES = {
         plain.brake(0.42, TAU), (0.42, 0.0), (0.05, np.inf), ragged=True
     ),
     "EndStop stop": Case(plain.rim(1.7, -1.5, TAU), (1 / 1.7, 1 / 1.5)),
+    "Stiffening stiffness": Case(plain.stiffened(0.4, 0.3), (0.4, 0.3), within=0.08),
     "BentResponse response": Case(plain.bent_response(0.15, -0.028), (0.15, -0.028)),
     "Saturation response": Case(plain.stops(1.7, -1.5), (1 / 1.7, 1 / 1.5)),
     "Backlash command": Case(plain.slack(0.38), (0.38,), second_order=True),

@@ -31,6 +31,7 @@ _FORMS = {
     ("by", "sign"): "alike to both sides",
     ("by", "skew"): "to one side",
     ("by", "response"): "of the response",
+    ("by", "stiffness"): "of what pulls the response back",
     ("by", "command"): "by the sign of the command",
     ("by", "effort"): "by the sign of the effort",
     ("by", "floor"): "rounding down",
@@ -284,7 +285,7 @@ def _renamed(cause: str, told: dict[str, Estimate]) -> dict[str, Estimate]:
         return told if sure else {name: told[name] for name in ("time", "gain")}
     if cause == "coulomb_friction":
         level, more = told["level"], told["breakaway"]
-        if more.value <= 0.0:
+        if not more.value > _CLEAR * more.std:
             return {"level": level}
         return {"level": level, "static": Estimate(level.value + more.value, more.std, level.unit)}
     return told

@@ -42,6 +42,7 @@ _FOREIGN = {
 _SESSION = {"gain_drift over session", "regime_change over session"}
 _VEHICLES_ONLY = {"cross_coupling", "speed_dependent_gain", "drag", "road_grade"}
 _BOTH_WAYS = {"offset by travel"}
+_PLANTS_ONLY = {"gain_nonlinearity by stiffness"}  # of a speed that is drag
 _REVERSED = 0.05  # of the time, that a vehicle moves the other way if it moves both ways
 
 
@@ -265,7 +266,7 @@ def stage_of(runs: Runs, spec: PlantSpec, reference: KnownNoise | None = None) -
     name = spec.name if spec.name in _FOREIGN else "plant"
     is_vehicle = runs.records[0].vehicle is not None and name != "plant"
     foreign = _FOREIGN.get(name, set())
-    foreign = foreign | (set() if is_vehicle else _VEHICLES_ONLY | _BOTH_WAYS)
+    foreign = foreign | (_PLANTS_ONLY if is_vehicle else _VEHICLES_ONLY | _BOTH_WAYS)
     if u.min() >= 0.0 or u.max() <= 0.0:  # there both forms are one
         foreign = foreign | {"gain_nonlinearity by skew", "quantization by truncation"}
     if min(np.mean(v[seen] > 0.0), np.mean(v[seen] < 0.0)) < _REVERSED:

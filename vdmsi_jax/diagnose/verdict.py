@@ -36,6 +36,8 @@ _OPEN = 0.12  # share of it that is left and structure, from which on they have 
 _ELSEWHERE = 0.08  # slow error, of a response's spread, that weighs beside findings elsewhere
 _NO_WIND = 0.08  # the same, beyond which an error is no disturbance: of clean exams up to 0.06, and
 # what the library lacks 0.09 to 0.33
+_CROWD = 4  # causes of one actuator, from which on they are one that the library lacks
+_CROWDED = "it takes four causes together, as one would that has no name here"
 _COARSE = 0.1  # share of a rounding in what a model leaves, from which it is a finding
 _SAME_STEP = 0.1  # by which the step of a plant's rounding may differ from that of its sensor
 
@@ -62,13 +64,14 @@ class Evidence:
         left += [u for _, u in outdone if u.fraction > 0.0]
         disturbances = [u for u in left if u.steady]
         left = [u for u in left if not u.steady]
-        puzzles = _largest(u for u in left if u.puzzling)
+        beyond = [u for u in disturbances if u.size > _NO_WIND]
+        puzzles = _largest([*(u for u in left if u.puzzling), *beyond])
         dropping = {u.channel for u in left if u.test == BURSTS and u.fraction > _MOSTLY}
         disturbed = _largest(disturbances)
         plain, extended = (channel_scores(*models[1:], extended=e) for e in (False, True))
         weighing = Weighing(self.searches, self.runs, plain, extended)
         rounded = self._quantised(extended)
-        sure, findings, minor = [], [], []
+        sure, findings, minor, told_of = [], [], [], []
         for cause, trial in trials:
             if trial.worth <= 0.0 or _rounds_too(cause, trial, rounded):
                 continue
@@ -76,10 +79,18 @@ class Evidence:
             found = self._finding(cause, trial, road, alone=len(trials) == 1)
             leads = weighing.leads(cause, trials)
             doubts = _doubt(puzzles, cause, trial), _doubt(disturbed, cause, trial)
-            small = weighing.minor(cause, trial, found, *doubts, leads)
+            small = weighing.minor(cause, trial, found, *doubts, leads, trials)
             small = small or any(f in (cause.finding, cause.body) for f, _ in outdone)
             small = small or (cause.where == "sensor" and cause.channel in dropping)
             (minor if small else findings).append(found)
+            told_of.append((cause.search, found))
+        for spec, own in self.searches.items():
+            many = [f for search, f in told_of if search is own and f in findings]
+            if len(many) >= _CROWD:
+                findings = [f for f in findings if f not in many]
+                minor += many
+                taken = min(weighing.taken(spec.output), 1.0)
+                left.append(Unexplained(spec.output, taken, (), (), _CROWDED, puzzling=True))
         for found in rounded:
             (findings if found.share >= _COARSE else minor).append(found)
         findings.sort(key=_rank)
@@ -87,7 +98,6 @@ class Evidence:
         findings = [f for f in findings if f not in beside]
         minor = sorted([*minor, *beside], key=_rank)
         budget = self._budget(sure, road)
-        beyond = [u for u in disturbances if u.size > _NO_WIND]
         disturbances = [u for u in disturbances if u not in beyond]
         left += [replace(u, test=f"{u.test}, which goes with nothing commanded") for u in beyond]
         rounds = {f.channel: f.share for f in rounded}  # as much as a rounding may differ by itself
@@ -316,9 +326,9 @@ def _largest(left: Iterable[Unexplained]) -> dict[str, float]:
 
 
 def _doubt(shares: Mapping[str, float], cause: Named, trial: Trial) -> float:
-    """Share of what is left that casts doubt where a cause is told; of the body, in the responses
-    of the actuators as well, by which it moves."""
-    channels = [trial.gain.channel, *(_TWINS.values() if cause.body is not None else ())]
+    """Share of what is left that casts doubt where a cause is told; of the body, in its yaw rate
+    and in the responses of the actuators as well, by which it moves."""
+    channels = [trial.gain.channel, *(("r", *_TWINS.values()) if cause.body is not None else ())]
     return max(shares.get(c, 0.0) for c in channels)
 
 

@@ -30,6 +30,11 @@ _PERIODS = 6.0  # in the longest run, of a periodic disturbance beside what noth
 _BUS, _LATE = 0.02, 2.5  # s and points of FIT, below which both a delay is every bus's
 _TURNS = 0.1  # s, below which a body's lag by its inertia is every vehicle's
 _DAMPED = 0.24  # ratio, from which a mode is rather two poles that the plant lacks
+_KINDS = (
+    frozenset({"coulomb_friction", "backlash"}),
+    frozenset({"road_grade", "periodic_disturbance"}),
+)  # causes of which one tells what the form of the other misses
+_MANY = 4  # rivals that explain the logs as well, from which on a cause beside others is anything
 _LIGHT, _ADDS = 0.15, 0.3  # ratio, and share of the baseline's error, that a mode with more damping
 # must take by itself
 
@@ -70,6 +75,7 @@ class Weighing:
         puzzle: float,
         disturbance: float,
         leads: bool,
+        trials: Sequence[tuple[Named, Trial]],
     ) -> bool:
         """Whether a cause is minor.
 
@@ -80,6 +86,7 @@ class Weighing:
             puzzle: share of what is left in its channel that nothing explains, if that is much.
             disturbance: share of it that a steady disturbance is.
             leads: whether it is the first of several that stand in for each other.
+            trials: all causes, and what they are worth.
         """
         share = max(found.share, trial.gain.typical)
         rest = share < _MUCH and trial.gain.after - trial.gain.before < _POINTS
@@ -93,7 +100,18 @@ class Weighing:
         # the share of a delay is told against a plant without zeros, and says less
         doubted = share < _STRONG or cause.cause == "transport_delay"
         vague = doubted and _vague(cause, found)
-        return small or imitated or vague or self._negligible(found)
+        mends = self._mends(cause, trial.gain, [other for other, _ in trials])
+        return small or imitated or vague or mends or self._negligible(found)
+
+    def _mends(self, cause: Named, gain: Gain, causes: Sequence[Named]) -> bool:
+        """Whether a cause of an actuator only mends the form of another one: a little of what is
+        told of its kind, or what many others would tell as well."""
+        beside = {c.cause for c in causes if c.search is cause.search and c is not cause}
+        if cause.search is None or not beside:
+            return False
+        alike = next((kind for kind in _KINDS if cause.cause in kind), frozenset())
+        little = 0.0 <= self._of_all(cause, gain) < MINOR and bool(beside & alike)
+        return little or sum(r.indistinguishable for r in cause.rivals) >= _MANY
 
     def _told_by(self, cause: Named, gain: Gain) -> bool:
         """Whether a cause of an actuator is worth most in that actuator's response."""

@@ -3,9 +3,10 @@
 from typing import ClassVar, Literal
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from vdmsi_jax.effects.base import AbstractEffect, Scales, Signals
+from vdmsi_jax.effects.base import AbstractEffect, Effort, Scales, Signals
 from vdmsi_jax.parameters import parameter
 
 
@@ -57,3 +58,29 @@ class BentResponse(AbstractEffect):
 
     def measured(self, y: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
         return y + self.quadratic * y * abs(y) + self.cubic * y * y * y
+
+
+class Stiffening(AbstractEffect):
+    """What pulls the response back is `y + quadratic y |y| + cubic y³` in place of `y`, inside the
+    dynamics: a spring that stiffens (Duffing's), gravity on a pendulum, a tank's outflow.
+
+    Attributes:
+        by: what bends it.
+
+    Source: Nayfeh and Mook, Nonlinear Oscillations (1979), ch. 4.
+    """
+
+    cause: ClassVar[str] = "gain_nonlinearity"
+
+    quadratic: Float[Array, ""] = parameter("1/response", "of y |y|")
+    cubic: Float[Array, ""] = parameter("1/response^2", "of y cubed")
+    by: Literal["stiffness"] = eqx.field(static=True, default="stiffness")
+
+    def probes(self, scales: Scales) -> list[tuple[float, ...]]:
+        size = max(abs(scales.y_low), abs(scales.y_high), 1e-12)
+        bends = (-0.3, 0.1, 0.6)
+        return [(k / size, 0.0) for k in bends] + [(0.0, k / size**2) for k in bends]
+
+    def effort(self, at: Effort) -> Float[Array, ""]:
+        level = jnp.where(jnp.abs(at.rest) > 1e-12, at.rest, 1e-12)
+        return (self.quadratic * at.y * abs(at.y) + self.cubic * at.y * at.y * at.y) / level
