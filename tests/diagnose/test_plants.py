@@ -298,3 +298,62 @@ def test_a_delay_of_a_second_is_found():
     (finding,) = vj.diagnose(driven(4, delay=1.0)).findings
     assert finding.cause == "transport_delay"
     assert finding.parameters["delay"].value == pytest.approx(1.0, abs=0.02)
+
+
+def test_what_fails_in_a_slow_plant_that_does_not_begin_at_rest_is_found():
+    """The start says nothing of the gain: taken for a part of the response to the command, it led
+    the first fits to a plant that hardly moved."""
+    rng = np.random.default_rng(3)
+    u, y, hot = np.repeat(rng.uniform(0.2, 1.0, 12), 100), [], 40.0
+    for k, power in enumerate(np.repeat(u, 50)):
+        if k % 50 == 0:
+            y.append(hot)
+        hot += 0.001 / 3.2 * ((1.0 if 0.001 * k < 26.0 else 0.76) * 60.0 * power - hot)
+    y = np.asarray(y) + 0.15 * rng.standard_normal(len(u))
+    plant = vj.PlantSpec("heater", "u", "y")
+    log = vj.Record.from_arrays(dt=0.05, name="run", plants=(plant,), u=u, y=y)
+    (finding,) = vj.diagnose(log).findings
+    assert finding.cause == "regime_change"
+    assert finding.parameters["time"].value == pytest.approx(26.0, abs=0.5)
+    assert finding.parameters["gain"].value == pytest.approx(-0.24, abs=0.02)
+
+
+def masses(seed: int, *, stiffens: float = 0.0, coupled: bool = False):
+    """Three logs of a mass on a spring that `stiffens`, in 1 per squared response, or of a motor
+    that turns a flywheel by an elastic shaft if `coupled`."""
+    rng = np.random.default_rng(seed)
+    made, h, w = [], 0.001, 2.0 * np.pi * 1.2
+    for run in range(3):
+        u, y = np.repeat(rng.uniform(-1.0, 1.0, ROWS // 30), 30), []
+        x = v = far = away = 0.0
+        for k, command in enumerate(np.repeat(u, FINE)):
+            if k % FINE == 0:
+                y.append(v if coupled else x)
+            if coupled:
+                twist = 120.0 * x + 0.9 * (v - away)
+                v, away = v + h * (5.0 * (command - v) - twist), away + h * twist
+                x, far = x + h * (v - away), far + h * away
+            else:
+                v += h * (w * w * (command - x - stiffens * x**3) - 0.7 * w * v)
+                x += h * v
+        plant = vj.PlantSpec("servo", "u", "y")
+        y = np.asarray(y) + 0.01 * np.std(y) * rng.standard_normal(ROWS)
+        made.append(vj.Record.from_arrays(dt=DT, name=f"run_{run}", plants=(plant,), u=u, y=y))
+    return made
+
+
+def test_a_spring_that_stiffens_is_told_as_what_pulls_the_response_back():
+    found = vj.diagnose(masses(1, stiffens=0.5))
+    (finding,) = found.findings
+    assert (finding.cause, finding.form) == (
+        "gain_nonlinearity",
+        "of what pulls the response back",
+    )
+    assert finding.parameters["cubic"].value == pytest.approx(0.5, abs=0.1)
+    assert found.extended["y"].fit > 98.0 > found.channels["y"].fit + 2.0
+
+
+def test_a_motor_that_swings_against_a_flywheel_has_a_mode_and_an_anti_resonance():
+    (finding,) = vj.diagnose(masses(2, coupled=True)).findings
+    assert finding.cause == "resonance"
+    assert finding.parameters["weight"].value < 0.0

@@ -102,7 +102,7 @@ CASES = {
     ),
     "TransportDelay": Case(plain.delay(0.087), (0.087,), second_order=True),
     "RateLimit command": Case(plain.ramp(9.0, 7.0), (1 / 9.0, 1 / 7.0)),
-    "Resonance": Case(plain.mode(2.3, 0.07, 0.33), (2.3, 0.07, 0.33)),
+    "Resonance": Case(plain.mode(2.3, 0.07, 0.33), (2.3, 0.07, 0.33, 0.0)),
     "RoadGrade": Case(plain.hills(SLOPES, LENGTH, TAU), SLOPES, within=(0.05,) * len(SLOPES)),
     "GainAsymmetry effort": Case(plain.weak_push(-0.31), (-0.31,)),
     # forward only: below 5 cm/s rolling resistance fades out instead of holding

@@ -161,16 +161,17 @@ def ringing(stage: Stage, plain: Refit) -> list[Hypothesis]:
         if not kept.size:
             continue
         den, own = np.real(np.poly(kept)), zeros[np.abs(zeros.imag) < 1e-9].real
-        # a weight of w has its pair of zeros at the mode's frequency by the root of 1 - w
-        pairs = np.abs(zeros[(zeros.imag > 0) & (np.abs(zeros.real) < 0.4 * np.abs(zeros))])
-        shares = (0.3, 0.8, -0.2, *(1.0 - (abs(p) / pairs) ** 2))
+        shares = [(0.3, 0.0), (0.8, 0.0), (-0.2, 0.0)]
+        for z in zeros[(zeros.imag > 0) & (np.abs(zeros.real) < 0.4 * np.abs(zeros))]:
+            rest = (abs(p) / abs(z)) ** 2  # what does not go through the mode sets its zeros
+            shares.append((1.0 - rest, 2.0 * float(p.real - z.real) * rest / abs(p)))
         mode = abs(p) * stage.pace / (2.0 * np.pi), max(-p.real / abs(p), 0.01)
         for led in {0, min(own.size, kept.size - 1)}:
             num = np.atleast_1d(np.poly(own[:led]))
             if num[-1] == 0.0:
                 continue
             start = plant(h, stage, den, num * level * den[-1] / num[-1])
-            made += [_added(stage, start, number, (*mode, share)) for share in shares]
+            made += [_added(stage, start, number, (*mode, *share)) for share in shares]
     return made
 
 

@@ -12,7 +12,8 @@ from vdmsi_jax.parameters import parameter
 
 class Resonance(AbstractEffect):
     """A share `weight` of the command goes through `w² / (s² + 2 d w s + w²)`, exactly for held
-    commands."""
+    commands, and a part `lead` of that one's rate by `w` is added: with it the mode has any two
+    zeros, as that of a motor that swings against its load."""
 
     cause: ClassVar[str] = "resonance"
     weight: ClassVar[float] = 2.0  # as a plant of two poles and zeros more would cost
@@ -20,12 +21,13 @@ class Resonance(AbstractEffect):
     frequency: Float[Array, ""] = parameter("Hz", "of the undamped mode", off=1.0, lower=0.0)
     damping: Float[Array, ""] = parameter("1", "damping ratio", off=0.1, lower=0.005, upper=0.25)
     share: Float[Array, ""] = parameter("1", "weight of the mode", lower=-8.0, upper=1.0)
+    lead: Float[Array, ""] = parameter("1", "of the rate of the mode, by its frequency")
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
         slow = max(2.0 / scales.duration, 0.05 / scales.time_constant)
         fast = min(0.4 / scales.dt, 10.0 / scales.time_constant)
         ladder = [slow * (fast / slow) ** (k / 9) for k in range(10)] if fast > slow else [slow]
-        return [(frequency, 0.1, share) for frequency in ladder for share in (0.5, -0.2)]
+        return [(frequency, 0.1, share, 0.0) for frequency in ladder for share in (0.5, -0.2)]
 
     def held(self, u: Float[Array, " M"], signals: Signals) -> Float[Array, " M"]:
         w = 2.0 * jnp.pi * self.frequency
@@ -38,8 +40,8 @@ class Resonance(AbstractEffect):
             q, dq = state  # position, and velocity over w
             away = q - u
             now = (u + stay * away + sine * dq, -sine * away + (cosine - self.damping * sine) * dq)
-            return now, 0.5 * (q + now[0])
+            return now, 0.5 * (self.share * (q + now[0]) + self.lead * (dq + now[1]))
 
         first = u[0] if signals.before is None else signals.before
         mode = lax.scan(swing, (first, jnp.zeros_like(first)), u)[1]
-        return u + self.share * (mode - u)
+        return (1.0 - self.share) * u + mode
