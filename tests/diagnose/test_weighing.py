@@ -1,0 +1,78 @@
+"""Which causes that the data support matter, and what is asked again."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from vdmsi_jax.config import PlantSpec
+from vdmsi_jax.diagnose.leftover import only_where_judged
+from vdmsi_jax.diagnose.naming import Named
+from vdmsi_jax.diagnose.result import ChannelScore, Gain, Rival, Unexplained
+from vdmsi_jax.diagnose.unexplained import BURSTS, WORSE
+from vdmsi_jax.diagnose.weighing import Weighing
+
+SEARCH: Any = SimpleNamespace()  # of one plant, by which its causes are known
+SPEC = PlantSpec("servo", "u", "y")
+SCORE = ChannelScore(80.0, mse=1.0, noise_std=0.1, ceiling=95.0)
+NO_RUNS: Any = None
+WEIGHING = Weighing({SPEC: SEARCH}, NO_RUNS, {"y": SCORE}, {"y": SCORE})
+
+
+def named(cause: str, *rivals: str, search: Any = SEARCH) -> Named:
+    alike = tuple(Rival(word, "plant", 1.0, True) for word in rivals)
+    return Named(cause, "plant", None, "", {}, 500.0, 1, alike, search=search)
+
+
+def gain(part: float) -> Gain:
+    """Of a cause that takes this part of what the baseline errs by."""
+    return Gain("y", 90.0, 91.0, 0.1, mse_before=0.05 + part, mse_after=0.05)
+
+
+FRICTION, PLAY = named("coulomb_friction"), named("backlash")
+
+
+@pytest.mark.parametrize(("part", "mends"), [(0.01, True), (0.2, False)])
+def test_a_little_play_beside_friction_mends_its_form(part, mends):
+    assert WEIGHING._mends(PLAY, gain(part), [FRICTION, PLAY]) is mends
+
+
+def test_alone_or_beside_another_kind_or_plant_it_does_not():
+    elsewhere = named("coulomb_friction", search=SimpleNamespace())
+    for beside in ([], [named("saturation")], [elsewhere]):
+        assert not WEIGHING._mends(PLAY, gain(0.01), [PLAY, *beside])
+
+
+def test_what_four_others_tell_as_well_is_a_name_only_by_itself():
+    vague = named("offset", "backlash", "dead_zone", "drag", "coulomb_friction")
+    assert WEIGHING._mends(vague, gain(0.2), [vague, named("saturation")])
+    assert not WEIGHING._mends(vague, gain(0.2), [vague])
+    fewer = named("offset", "backlash", "dead_zone")
+    assert not WEIGHING._mends(fewer, gain(0.2), [fewer, named("saturation")])
+
+
+def left(*where: str, test: str = BURSTS, size: float = 1.0) -> Unexplained:
+    return Unexplained("y", 0.2, ("t",), tuple((run, 1.0, 1.5) for run in where), test, size=size)
+
+
+def said(*unexplained: Unexplained, verdict="unexplained_structure", findings=()) -> Any:
+    return SimpleNamespace(verdict=verdict, findings=findings, unexplained=unexplained)
+
+
+def test_structure_that_only_unseen_runs_show_is_asked_again():
+    assert only_where_judged(said(left("run_3"), left(test=WORSE)), ["run_3"])
+    assert only_where_judged(said(left("run_3"), left("run_1", size=0.001)), ["run_3"])
+
+
+@pytest.mark.parametrize(
+    "found",
+    [
+        said(left("run_3", "run_1")),
+        said(left(test="a slow error")),
+        said(left("run_3"), findings=("one",)),
+        said(left("run_3"), verdict="explained"),
+    ],
+    ids=["elsewhere too", "everywhere", "beside a finding", "that changes nothing"],
+)
+def test_other_structure_is_not(found):
+    assert not only_where_judged(found, ["run_3"])
