@@ -1,25 +1,26 @@
 """Which causes that the data support matter, and what is asked again."""
 
-from types import SimpleNamespace
-from typing import Any
+from dataclasses import replace
 
 import pytest
 
+import made_up_diagnosis
 from vdmsi_jax.config import PlantSpec
+from vdmsi_jax.diagnose.found import Search
 from vdmsi_jax.diagnose.leftover import only_where_judged
 from vdmsi_jax.diagnose.naming import Named
-from vdmsi_jax.diagnose.result import ChannelScore, Gain, Rival, Unexplained
+from vdmsi_jax.diagnose.prepare import Runs
+from vdmsi_jax.diagnose.result import ChannelScore, Diagnosis, Gain, Rival, Unexplained
 from vdmsi_jax.diagnose.unexplained import BURSTS, WORSE
 from vdmsi_jax.diagnose.weighing import Weighing
 
-SEARCH: Any = SimpleNamespace()  # of one plant, by which its causes are known
+SEARCH, OTHER = (object.__new__(Search) for _ in range(2))  # by which causes are known as theirs
 SPEC = PlantSpec("servo", "u", "y")
 SCORE = ChannelScore(80.0, mse=1.0, noise_std=0.1, ceiling=95.0)
-NO_RUNS: Any = None
-WEIGHING = Weighing({SPEC: SEARCH}, NO_RUNS, {"y": SCORE}, {"y": SCORE})
+WEIGHING = Weighing({SPEC: SEARCH}, object.__new__(Runs), {"y": SCORE}, {"y": SCORE})
 
 
-def named(cause: str, *rivals: str, search: Any = SEARCH) -> Named:
+def named(cause: str, *rivals: str, search: Search = SEARCH) -> Named:
     alike = tuple(Rival(word, "plant", 1.0, True) for word in rivals)
     return Named(cause, "plant", None, "", {}, 500.0, 1, alike, search=search)
 
@@ -38,7 +39,7 @@ def test_a_little_play_beside_friction_mends_its_form(part, mends):
 
 
 def test_alone_or_beside_another_kind_or_plant_it_does_not():
-    elsewhere = named("coulomb_friction", search=SimpleNamespace())
+    elsewhere = named("coulomb_friction", search=OTHER)
     for beside in ([], [named("saturation")], [elsewhere]):
         assert not WEIGHING._mends(PLAY, gain(0.01), [PLAY, *beside])
 
@@ -55,8 +56,13 @@ def left(*where: str, test: str = BURSTS, size: float = 1.0) -> Unexplained:
     return Unexplained("y", 0.2, ("t",), tuple((run, 1.0, 1.5) for run in where), test, size=size)
 
 
-def said(*unexplained: Unexplained, verdict="unexplained_structure", findings=()) -> Any:
-    return SimpleNamespace(verdict=verdict, findings=findings, unexplained=unexplained)
+def said(*unexplained: Unexplained, verdict="unexplained_structure", findings=()) -> Diagnosis:
+    return replace(
+        made_up_diagnosis.siso(),
+        verdict=verdict,
+        findings=tuple(findings),
+        unexplained=tuple(unexplained),
+    )
 
 
 def test_structure_that_only_unseen_runs_show_is_asked_again():
@@ -69,7 +75,7 @@ def test_structure_that_only_unseen_runs_show_is_asked_again():
     [
         said(left("run_3", "run_1")),
         said(left(test="a slow error")),
-        said(left("run_3"), findings=("one",)),
+        said(left("run_3"), findings=made_up_diagnosis.siso().findings),
         said(left("run_3"), verdict="explained"),
     ],
     ids=["elsewhere too", "everywhere", "beside a finding", "that changes nothing"],
