@@ -83,6 +83,12 @@ def folder(tmp_path):
     jax.config.update("jax_compilation_cache_dir", before)
 
 
+@pytest.fixture
+def nowhere(monkeypatch):
+    """No compilation cache, which the tests may share."""
+    monkeypatch.setattr(programs, "_file", lambda name, arguments: None)
+
+
 PAIR = Pair(2.0 * jnp.eye(2), jnp.ones(2))
 
 
@@ -120,8 +126,7 @@ def test_a_file_that_cannot_be_read_is_written_anew(folder):
     assert counted.traced == 1 and len(file.read_bytes()) > 1000
 
 
-def test_nothing_is_kept_where_no_cache_is_in_use(folder, monkeypatch):
-    monkeypatch.setattr(programs, "_file", lambda name, arguments: None)
+def test_nothing_is_kept_where_no_cache_is_in_use(folder, nowhere):
     assert right(programs.Kept(Counted())(PAIR, programs.Static(3.0)), 3.0)
     assert not folder.exists()
 
@@ -144,7 +149,7 @@ def test_other_sources_ask_for_another_file(folder, monkeypatch):
     assert here != programs._file("name", "arguments")
 
 
-def test_of_threads_that_come_at_once_one_makes_the_program():
+def test_of_threads_that_come_at_once_one_makes_the_program(nowhere):
     counted, started = Counted(), threading.Barrier(4)
     kept = programs.Kept(counted)
 
@@ -157,14 +162,14 @@ def test_of_threads_that_come_at_once_one_makes_the_program():
     assert counted.traced == 1
 
 
-def test_a_call_that_fails_leaves_the_next_to_make_it():
+def test_a_call_that_fails_leaves_the_next_to_make_it(nowhere):
     kept = programs.Kept(Counted())
     with pytest.raises(TypeError):
         kept(PAIR, programs.Static("no number"))
     assert right(kept(PAIR, programs.Static(3.0)), 3.0)
 
 
-def test_kept_programs_are_forgotten_where_maps_run_out(told):
+def test_kept_programs_are_forgotten_where_maps_run_out(told, nowhere):
     counted = Counted()
     kept = programs.Kept(counted)
     kept(PAIR, programs.Static(3.0))

@@ -62,7 +62,8 @@ class BentResponse(AbstractEffect):
 
 class Stiffening(AbstractEffect):
     """What pulls the response back is `y + quadratic y |y| + cubic y³` in place of `y`, inside the
-    dynamics: a spring that stiffens (Duffing's), gravity on a pendulum, a tank's outflow.
+    dynamics: a spring that stiffens (Duffing's), gravity on a pendulum, a tank's outflow. It stays
+    between a tenth and ten times what a linear one pulls, or a soft one would push away.
 
     Attributes:
         by: what bends it.
@@ -83,4 +84,5 @@ class Stiffening(AbstractEffect):
 
     def effort(self, at: Effort) -> Float[Array, ""]:
         level = jnp.where(jnp.abs(at.rest) > 1e-12, at.rest, 1e-12)
-        return (self.quadratic * at.y * abs(at.y) + self.cubic * at.y * at.y * at.y) / level
+        stiffness = 1.0 + self.quadratic * abs(at.y) + self.cubic * at.y * at.y
+        return (jnp.clip(stiffness, 0.1, 10.0) - 1.0) * at.y / level
