@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
 from vdmsi_jax import programs
@@ -160,6 +161,16 @@ def test_of_threads_that_come_at_once_one_makes_the_program(nowhere):
     with ThreadPoolExecutor(4) as pool:
         assert all(pool.map(call, range(4)))
     assert counted.traced == 1
+
+
+def test_a_program_has_the_precision_of_its_arguments_in_any_thread(nowhere):
+    """The setting of JAX for it is a thread's own, and another may make the program."""
+    kept = programs.Kept(lambda x: x + jnp.arange(3.0))
+    with jax.enable_x64(False):
+        single = jnp.ones(3)
+    with ThreadPoolExecutor(1) as pool:
+        assert pool.submit(kept, single).result().dtype == np.float32
+        assert pool.submit(kept, jnp.ones(3)).result().dtype == np.float64
 
 
 def test_a_call_that_fails_leaves_the_next_to_make_it(nowhere):

@@ -15,6 +15,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 import jax
 import jaxlib
+import numpy as np
 from jax import export
 
 from .files import write_bytes
@@ -109,7 +110,8 @@ class Kept(Generic[R]):
         key = tree, tuple((leaf.shape, leaf.dtype) for leaf in leaves)
         program = self._programs.get(key)
         if program is None:
-            with self._making:
+            double = any(np.dtype(leaf.dtype).itemsize == 8 for leaf in leaves)
+            with self._making, jax.enable_x64(double):  # which is a thread's own, unlike arrays
                 program = self._programs.get(key) or self._made(*key)
                 self._programs[key] = program
         return program
