@@ -8,7 +8,6 @@ import enum
 import io
 from pathlib import Path
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
@@ -27,22 +26,13 @@ class Alignment(enum.Enum):
 def fit(y: Float[ArrayLike, " N"], y_hat: Float[ArrayLike, " N"]) -> Float[Array, ""]:
     """FIT of eq. (3), percent: 100 is perfect, 0 no better than the mean of `y`, and there is no
     lower bound. `-inf` where `y` does not vary."""
-    return _fit(jnp.asarray(y, float), jnp.asarray(y_hat, float))
-
-
-@jax.jit
-def _fit(y: Array, y_hat: Array) -> Array:
+    y, y_hat = jnp.asarray(y, float), jnp.asarray(y_hat, float)
     return 100.0 * (1.0 - jnp.linalg.norm(y - y_hat) / jnp.linalg.norm(y - jnp.mean(y)))
 
 
 def mse(y: Float[ArrayLike, " N"], y_hat: Float[ArrayLike, " N"]) -> Float[Array, ""]:
     """Mean squared error of eq. (4), in the squared unit of the channel."""
-    return _mse(jnp.asarray(y, float), jnp.asarray(y_hat, float))
-
-
-@jax.jit
-def _mse(y: Array, y_hat: Array) -> Array:
-    return jnp.mean((y - y_hat) ** 2)
+    return jnp.mean((jnp.asarray(y, float) - jnp.asarray(y_hat, float)) ** 2)
 
 
 def aligned(

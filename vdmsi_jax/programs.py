@@ -82,8 +82,9 @@ class Kept(Generic[R]):
 
     **Arguments:**
 
-    - `function`: takes its arguments by position; what is static of them stands in their treedefs,
-      as the static fields of a module do, and `Static`.
+    - `function`: of a module, since its files are told by its name. It takes its arguments by
+      position; what is static of them stands in their treedefs, as the static fields of a module
+      do, and `Static`.
     """
 
     def __init__(self, function: Callable[..., R]):
@@ -121,11 +122,15 @@ class Kept(Generic[R]):
         name = f"{self.function.__module__}.{self.function.__qualname__}"
         file = _file(name, repr((tree, shapes)))
         structs = [jax.ShapeDtypeStruct(*shape) for shape in shapes]
+
+        def compiled(call: Callable) -> jax.stages.Compiled:
+            return jax.jit(call).lower(structs).compile()
+
         if file is not None and file.exists():
             with contextlib.suppress(Exception):  # what cannot be read is written anew
                 lowered, result = pickle.loads(file.read_bytes())
                 call = export.deserialize(bytearray(lowered)).call
-                return _Program(jax.jit(call).lower(structs).compile(), result)
+                return _Program(compiled(call), result)
         results = []
 
         def flat(leaves):
@@ -139,8 +144,8 @@ class Kept(Generic[R]):
                 exported = export.export(jax.jit(flat), disabled_checks=_UNGUARANTEED)(structs)
                 file.parent.mkdir(parents=True, exist_ok=True)
                 write_bytes(file, pickle.dumps((bytes(exported.serialize()), results[0])))
-                return _Program(jax.jit(exported.call).lower(structs).compile(), results[0])
-        return _Program(jax.jit(flat).lower(structs).compile(), results[0])
+                return _Program(compiled(exported.call), results[0])
+        return _Program(compiled(flat), results[0])
 
 
 class _Program(NamedTuple):

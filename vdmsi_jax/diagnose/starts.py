@@ -285,8 +285,8 @@ def _steps(scales: Scales) -> np.ndarray:
     return np.array(sizes)
 
 
-def _scaled(stage: Stage, thetas: np.ndarray, level: bool = True) -> tuple[np.ndarray, np.ndarray]:
-    """Squared errors of plants whose gain, and a `level`, are by least squares, infinite where they
+def _scaled(stage: Stage, thetas: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Squared errors of plants whose gain, and a level, are by least squares, infinite where they
     blow up; and the plants with that gain."""
     forced, free = _forced(stage, thetas)
     errors, shares = _fitted(stage, [[row] for row in forced], free)

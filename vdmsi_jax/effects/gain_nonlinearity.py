@@ -1,5 +1,6 @@
 """Gain nonlinearity: the static characteristic is bent."""
 
+import abc
 from typing import ClassVar, Literal
 
 import equinox as eqx
@@ -36,7 +37,25 @@ class GainNonlinearity(AbstractEffect):
         return u + self.quadratic * bent + self.cubic * u * u * u
 
 
-class BentResponse(AbstractEffect):
+class AbstractOfResponse(AbstractEffect):
+    """What bends by the size of the response."""
+
+    cause: ClassVar[str] = "gain_nonlinearity"
+
+    quadratic: Float[Array, ""] = parameter("1/response", "of y |y|")
+    cubic: Float[Array, ""] = parameter("1/response^2", "of y cubed")
+
+    @property
+    @abc.abstractmethod
+    def bends(self) -> tuple[float, ...]:
+        """Parts of the largest response that probes bend it by."""
+
+    def probes(self, scales: Scales) -> list[tuple[float, ...]]:
+        size = max(abs(scales.y_low), abs(scales.y_high), 1e-12)
+        return [(k / size, 0.0) for k in self.bends] + [(0.0, k / size**2) for k in self.bends]
+
+
+class BentResponse(AbstractOfResponse):
     """`y + quadratic y |y| + cubic y³` behind the dynamics: what is measured has a characteristic,
     as a tank's titration curve or the linkage of an encoder (a Wiener model; Billings, Nonlinear
     System Identification, 2013, ch. 2).
@@ -45,22 +64,17 @@ class BentResponse(AbstractEffect):
         by: what bends it.
     """
 
-    cause: ClassVar[str] = "gain_nonlinearity"
-
-    quadratic: Float[Array, ""] = parameter("1/response", "of y |y|")
-    cubic: Float[Array, ""] = parameter("1/response^2", "of y cubed")
     by: Literal["response"] = eqx.field(static=True, default="response")
 
-    def probes(self, scales: Scales) -> list[tuple[float, ...]]:
-        size = max(abs(scales.y_low), abs(scales.y_high), 1e-12)
-        bends = (-0.3, -0.05, 0.05, 0.3)
-        return [(k / size, 0.0) for k in bends] + [(0.0, k / size**2) for k in bends]
+    @property
+    def bends(self) -> tuple[float, ...]:
+        return (-0.3, -0.05, 0.05, 0.3)
 
     def measured(self, y: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
         return y + self.quadratic * y * abs(y) + self.cubic * y * y * y
 
 
-class Stiffening(AbstractEffect):
+class Stiffening(AbstractOfResponse):
     """What pulls the response back is `y + quadratic y |y| + cubic y³` in place of `y`, inside the
     dynamics: a spring that stiffens (Duffing's), gravity on a pendulum, a tank's outflow. It stays
     between a tenth and ten times what a linear one pulls, or a soft one would push away.
@@ -71,16 +85,11 @@ class Stiffening(AbstractEffect):
     Source: Nayfeh and Mook, Nonlinear Oscillations (1979), ch. 4.
     """
 
-    cause: ClassVar[str] = "gain_nonlinearity"
-
-    quadratic: Float[Array, ""] = parameter("1/response", "of y |y|")
-    cubic: Float[Array, ""] = parameter("1/response^2", "of y cubed")
     by: Literal["stiffness"] = eqx.field(static=True, default="stiffness")
 
-    def probes(self, scales: Scales) -> list[tuple[float, ...]]:
-        size = max(abs(scales.y_low), abs(scales.y_high), 1e-12)
-        bends = (-0.3, 0.1, 0.6)
-        return [(k / size, 0.0) for k in bends] + [(0.0, k / size**2) for k in bends]
+    @property
+    def bends(self) -> tuple[float, ...]:
+        return (-0.3, 0.1, 0.6)
 
     def effort(self, at: Effort) -> Float[Array, ""]:
         level = jnp.where(jnp.abs(at.rest) > 1e-12, at.rest, 1e-12)
