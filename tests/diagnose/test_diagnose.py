@@ -73,6 +73,15 @@ def test_the_logs_say_what_they_could_have_shown(play):
     known = {(d.where, d.cause): d for d in play.detectable}
     delay = known["steering", "transport_delay"]
     assert 0.0 < delay.smallest < 0.1 and delay.unit == "s"
+    assert known["powertrain", "gain_nonlinearity"].unit == "1/(m/s)"
+    assert known["powertrain", "rate_limit"].unit == "m/s^2"
+
+
+def test_a_limit_shows_only_where_the_command_comes_to_it(play, logs):
+    known = {(d.where, d.cause): d for d in play.detectable}
+    for where, channel in (("powertrain", "v_cmd"), ("steering", "delta_cmd")):
+        largest = max(float(log[channel].max()) for log in logs)
+        assert 0.6 * largest < known[where, "saturation"].smallest < largest
 
 
 def test_the_extended_model_survives_the_disk_and_drives_better(play, logs, tmp_path):

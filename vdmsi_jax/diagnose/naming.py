@@ -353,4 +353,6 @@ def told_unit(slot: Slot, j: int, units: tuple[str, str]) -> str:
         unit = unit.replace("command", "response")
     if at == "command":
         unit = unit.replace("response", "command")
-    return unit.replace("command", units[0]).replace("response", units[1])
+    for word, own in zip(("command", "response"), units, strict=True):
+        unit = unit.replace(f"/{word}", f"/({own})" if "/" in own else f"/{own}").replace(word, own)
+    return unit.replace("/s/s", "/s^2")

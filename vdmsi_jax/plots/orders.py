@@ -29,10 +29,11 @@ def order_grid(grid: OrderGrid) -> Figure:
     top, least = max(fits, default=100.0), max(min(errors, default=1.0), np.finfo(float).tiny)
     scale = Normalize(min([*fits, top - 1.0]), top)
     _heat_map(left, grid, "fit", scale, "cividis", "{:.2f}".format)
-    scale = LogNorm(least, max([*errors, 1.05 * least]))
-    _heat_map(right, grid, "mse", scale, "cividis_r", _power_of_ten)
+    scale, power = LogNorm(least, max([*errors, 1.05 * least])), int(np.floor(np.log10(least)))
+    _heat_map(right, grid, "mse", scale, "cividis_r", lambda mse: _short_number(mse / 10.0**power))
     left.set_title(f"{grid.plant.name}: FIT (%)")
-    right.set_title(f"{grid.plant.name}: " + unit_label("MSE", squared_unit(unit)))
+    scaled = (rf"$10^{{{power}}}$ " if power else "") + squared_unit(unit).replace("1", "")
+    right.set_title(f"{grid.plant.name}: " + unit_label("MSE", scaled.strip()))
     for axes in (left, right):
         axes.set_xticks(range(len(zeros)), [f"Z{m}" for m in zeros])
         axes.set_yticks(range(len(poles)), [f"P{n}" for n in poles])
@@ -63,9 +64,9 @@ def order_grid(grid: OrderGrid) -> Figure:
     return figure
 
 
-def _power_of_ten(value: float) -> str:
-    mantissa, exponent = f"{value:.2e}".split("e")
-    return rf"${mantissa}\cdot10^{{{int(exponent)}}}$"
+def _short_number(value: float) -> str:
+    """Three digits, or more where a whole number needs them; what is huge as a power of ten."""
+    return f"{value:.{max(0, 2 - int(np.log10(value)))}f}" if 1.0 <= value < 1e4 else f"{value:.1e}"
 
 
 def _heat_map(axes: Axes, grid: OrderGrid, what: str, norm: Normalize, colours: str, text) -> None:
