@@ -1,7 +1,7 @@
 """From what was found to the verdict: confirmed on held-out data, ranked, and what is left."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,29 +17,21 @@ from .extension import extended_model, plain_model
 from .found import Search
 from .hypothesis import Refit
 from .judge import Scored, Trial, confirmed, gain_of
-from .leftover import leftover, stand_ins
 from .manoeuvres import separate
 from .naming import Named, merged, of_body, of_stage, of_yaw_rate
 from .prepare import Runs, steering_angle
 from .refit import refit
-from .result import ChannelScore, Diagnosis, Estimate, Finding, Gain, Rival, Unexplained
+from .remains import Remains, unexplained
+from .result import Diagnosis, Finding, Rival, Unexplained
 from .road import Road
+from .rounding import COARSE, quantised, tells_rounding
 from .screen import screen
 from .selection import joined
-from .unexplained import BURSTS, SMALL
-from .weighing import MINOR, Weighing, overshadowed
+from .weighing import Weighing, overshadowed
 from .words import sentence, summary
 
-_SERIOUS, _MOSTLY = 0.05, 0.3  # share of structure in a residual that is spoken of, and that weighs
-_SETTLED = 0.75  # share of a channel's error from which on findings have explained it
-_OPEN = 0.12  # share of it that is left and structure, from which on they have not
-_ELSEWHERE = 0.08  # slow error, of a response's spread, that weighs beside findings elsewhere
-_NO_WIND = 0.08  # the same, beyond which an error is no disturbance: of clean exams up to 0.06, and
-# what the library lacks 0.09 to 0.33
 _CROWD = 4  # causes of one actuator, from which on they are one that the library lacks
 _CROWDED = "it takes four causes together, as one would that has no name here"
-_COARSE = 0.1  # share of a rounding in what a model leaves, from which it is a finding
-_SAME_STEP = 0.1  # by which the step of a plant's rounding may differ from that of its sensor
 
 _TWINS = {"powertrain": "v", "steering": "delta"}
 _SENSED = {"transport_delay": "sensor_delay", "offset": "sensor_bias"}
@@ -58,81 +50,39 @@ class Evidence:
     def diagnosis(self) -> Diagnosis:
         """Confirm on data held out, rank, and look at what is left."""
         road = self._road()
-        trials = [(cause, self._trial(cause)) for cause in self._causes()]
         models = (self.runs, self.searches, self.bodily)
-        left, outdone = leftover(*models), stand_ins(*models)
-        left += [u for _, u in outdone if u.fraction > 0.0]
-        disturbances = [u for u in left if u.steady]
-        left = [u for u in left if not u.steady]
-        beyond = [u for u in disturbances if u.size > _NO_WIND]
-        puzzles = _largest([*(u for u in left if u.puzzling), *beyond])
-        dropping = {u.channel for u in left if u.test == BURSTS and u.fraction > _MOSTLY}
-        disturbed = _largest(disturbances)
+        remains = Remains.of(*models)
         plain, extended = (channel_scores(*models[1:], extended=e) for e in (False, True))
+        rounded = quantised(self.records, extended)
+        trials = [(cause, self._trial(cause)) for cause in self._causes()]
+        sure = [t for t in trials if t[1].worth > 0.0 and not tells_rounding(*t, rounded)]
         weighing = Weighing(self.searches, self.runs, plain, extended)
-        rounded = self._quantised(extended)
-        sure, findings, minor, told_of = [], [], [], []
-        for cause, trial in trials:
-            if trial.worth <= 0.0 or _rounds_too(cause, trial, rounded):
-                continue
-            sure.append(cause)
-            found = self._finding(cause, trial, road, alone=len(trials) == 1)
-            leads = weighing.leads(cause, trials)
-            doubts = _doubt(puzzles, cause, trial), _doubt(disturbed, cause, trial)
-            small = weighing.minor(cause, trial, found, *doubts, leads, trials)
-            small = small or any(f in (cause.finding, cause.body) for f, _ in outdone)
-            small = small or (cause.where == "sensor" and cause.channel in dropping)
-            (minor if small else findings).append(found)
-            told_of.append((cause.search, found))
-        for spec, own in self.searches.items():
-            many = [f for search, f in told_of if search is own and f in findings]
-            if len(many) >= _CROWD:
-                findings = [f for f in findings if f not in many]
-                minor += many
-                taken = min(weighing.taken(spec.output), 1.0)
-                left.append(Unexplained(spec.output, taken, (), (), _CROWDED, puzzling=True))
+        findings, minor, crowds = self._weighed(sure, trials, weighing, remains, road)
         for found in rounded:
-            (findings if found.share >= _COARSE else minor).append(found)
-        findings.sort(key=_rank)
+            (findings if found.share >= COARSE else minor).append(found)
         beside = [f for f in findings if overshadowed(f, findings)]
-        findings = [f for f in findings if f not in beside]
-        minor = sorted([*minor, *beside], key=_rank)
-        budget = self._budget(sure, road)
-        disturbances = [u for u in disturbances if u not in beyond]
-        left += [replace(u, test=f"{u.test}, which goes with nothing commanded") for u in beyond]
-        rounds = {f.channel: f.share for f in rounded}  # as much as a rounding may differ by itself
-        serious = [
-            u
-            for u in left
-            if u.fraction > _SERIOUS
-            and u.size >= SMALL
-            and not u.of_form
-            and (u.puzzling or u.fraction > rounds.get(u.channel, 0.0))
-        ]
-        touched = {f.gain.channel for f in findings}
-        open_ = [
-            u
-            for u in serious
-            if u.fraction > _MOSTLY
-            and not _settled(u, weighing.taken(u.channel))
-            and (u.channel in touched or u.size > _ELSEWHERE)
-        ]
-        verdict = "explained" if findings else "no_effect"
-        if serious and (not findings or open_):
-            verdict = "unexplained_structure"
+        findings = sorted((f for f in findings if f not in beside), key=_rank)
+        left = [*remains.structure, *crowds]
+        open_ = unexplained(
+            left,
+            {f.gain.channel for f in findings},
+            {f.channel: f.share for f in rounded if f.channel is not None},
+            weighing.taken,
+        )
+        explained = "explained" if findings else "no_effect"
         told = Diagnosis(
-            verdict=verdict,
+            verdict="unexplained_structure" if open_ else explained,
             findings=tuple(findings),
-            minor=tuple(minor),
+            minor=tuple(sorted([*minor, *beside], key=_rank)),
             unexplained=tuple(left),
-            disturbances=tuple(disturbances),
+            disturbances=tuple(remains.disturbances),
             baseline=plain_model(self.searches, self.records),
             model=extended_model(self.searches, self.bodily, self.records),
             orders={s.name: f.baseline.hypothesis.order for s, f in self.searches.items()},
             channels=plain,
             extended=extended,
             ate=None if road is None else road.ate(),
-            budget=tuple(budget),
+            budget=tuple(self._budget([cause for cause, _ in sure], road)),
             detectable=tuple(
                 d
                 for spec, found in self.searches.items()
@@ -147,28 +97,38 @@ class Evidence:
         )
         return replace(told, summary=summary(told))
 
-    def _quantised(self, scores: Mapping[str, ChannelScore]) -> list[Finding]:
-        """Sensors whose measurements come in steps that matter beside what the model leaves."""
-        made = []
-        for channel, score in scores.items():
-            if not all(channel in record for record in self.records):
-                continue  # made of others, so not a sensor's
-            steps = [step for r in self.records if (step := r.step(channel)) is not None]
-            step = float(np.median(steps)) if 2 * len(steps) > len(self.records) else None
-            if step is None or step**2 / 12.0 < MINOR * score.mse:
-                continue
-            unit = self.records[0].units.get(channel, "1")
-            gain = Gain(channel, score.fit, score.fit, 0.0, score.mse, score.mse)
-            found = Finding(
-                cause="quantization", where="sensor", channel=channel, form="",
-                parameters={"step": Estimate(step, 0.0, unit)}, statistic=math.inf, p_value=0.0,
-                gain=gain, predicted_gain=None, share=min(step**2 / 12.0 / score.mse, 1.0),
-                rivals=(), separating_experiment=None, sentence="",
-            )  # fmt: skip
-            said = f"{channel} sensor: quantization, step {step:.3g} {unit}. Its rounding is "
-            said += f"{100.0 * found.share:.0f} % of what the model leaves of {channel}."
-            made.append(replace(found, sentence=said[:1].upper() + said[1:]))
-        return made
+    def _weighed(
+        self,
+        sure: Sequence[tuple[Named, Trial]],
+        trials: Sequence[tuple[Named, Trial]],
+        weighing: Weighing,
+        remains: Remains,
+        road: Road | None,
+    ) -> tuple[list[Finding], list[Finding], list[Unexplained]]:
+        """Of the sure causes those that matter and those that are minor, and the crowds of them
+        that are one without a name."""
+        findings, minor, crowds, of_plant = [], [], [], {}
+        for cause, trial in sure:
+            found = self._finding(cause, trial, road, alone=len(trials) == 1)
+            puzzle = _doubt(remains.puzzles, cause, trial)
+            disturbance = _doubt(remains.disturbed, cause, trial)
+            leads = weighing.leads(cause, trials)
+            small = (
+                weighing.minor(cause, trial, found, puzzle, disturbance, leads, trials)
+                or any(f in (cause.finding, cause.body) for f in remains.outdone)
+                or (cause.where == "sensor" and cause.channel in remains.dropping)
+            )
+            (minor if small else findings).append(found)
+            if not small and cause.search is not None:
+                of_plant.setdefault(id(cause.search), []).append(found)
+        for spec, own in self.searches.items():
+            many = of_plant.get(id(own), [])
+            if len(many) >= _CROWD:
+                findings = [f for f in findings if f not in many]
+                minor += many
+                taken = min(weighing.taken(spec.output), 1.0)
+                crowds.append(Unexplained(spec.output, taken, (), (), _CROWDED, puzzling=True))
+        return findings, minor, crowds
 
     def _causes(self) -> list[Named]:
         found = []
@@ -317,14 +277,6 @@ def _rank(found: Finding) -> tuple[float, float]:
     return -found.gain.cost, -found.share
 
 
-def _largest(left: Iterable[Unexplained]) -> dict[str, float]:
-    """The largest fraction in each channel."""
-    found: dict[str, float] = {}
-    for u in left:
-        found[u.channel] = max(found.get(u.channel, 0.0), u.fraction)
-    return found
-
-
 def _doubt(shares: Mapping[str, float], cause: Named, trial: Trial) -> float:
     """Share of what is left that casts doubt where a cause is told; of the body, in its yaw rate
     and in the responses of the actuators as well, by which it moves."""
@@ -332,28 +284,10 @@ def _doubt(shares: Mapping[str, float], cause: Named, trial: Trial) -> float:
     return max(shares.get(c, 0.0) for c in channels)
 
 
-def _settled(left: Unexplained, taken: float) -> bool:
-    """Whether findings that took a share of a channel's error have explained it all the same."""
-    return taken > _SETTLED and left.fraction * (1.0 - taken) < _OPEN
-
-
 def _in_place(found: Search, less: Refit, number: int) -> Refit:
     """The model with another cause in the place of one."""
     candidate = next(c for c in screen(found.stage, less) if c.number == number)
     return refit(found.stage, [joined(less.hypothesis, candidate)])[0]
-
-
-def _rounds_too(cause: Named, trial: Trial, rounded: Sequence[Finding]) -> bool:
-    """Whether a quantization in the plant is that of its sensor, told once more, or an offset is
-    within half a step of it."""
-    channels = {cause.channel, trial.gain.channel}
-    steps = [f.parameters["step"].value for f in rounded if f.channel in channels]
-    if cause.cause == "quantization":
-        own = cause.parameters["step"].value
-        return any(abs(own - step) < _SAME_STEP * step for step in steps)
-    if cause.cause in ("offset", "sensor_bias"):
-        return any(abs(cause.parameters["bias"].value) < 0.5 * step for step in steps)
-    return False
 
 
 def _chi_squared(statistic: float, freedom: int) -> float:

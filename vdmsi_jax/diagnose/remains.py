@@ -1,0 +1,121 @@
+"""What a model leaves: what weighs against its causes, and whether the logs are explained by it."""
+
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from ..config import PlantSpec
+from .body_search import BodySearch
+from .found import Search
+from .leftover import leftover, stand_ins
+from .prepare import Runs
+from .result import Unexplained
+from .unexplained import BURSTS, SMALL
+
+_SERIOUS, _MOSTLY = 0.05, 0.3  # share of structure in a residual that is spoken of, and that weighs
+_SETTLED = 0.75  # share of a channel's error from which on findings have explained it
+_OPEN = 0.12  # share of it that is left and structure, from which on they have not
+_ELSEWHERE = 0.08  # slow error, of a response's spread, that weighs beside findings elsewhere
+_NO_WIND = 0.08  # the same, beyond which an error is no disturbance: of clean exams up to 0.06, and
+# what the library lacks 0.09 to 0.33
+
+
+@dataclass(frozen=True, eq=False)
+class Remains:
+    """What is left when all causes are in the model.
+
+    Attributes:
+        found: structure that no cause accounts for, disturbances among it.
+        outdone: the causes (findings of an actuator or of the body) that only stand in for a kind
+            of error that the library lacks.
+    """
+
+    found: tuple[Unexplained, ...]
+    outdone: tuple[object, ...]
+
+    @classmethod
+    def of(
+        cls, runs: Runs, searches: Mapping[PlantSpec, Search], bodily: BodySearch | None
+    ) -> "Remains":
+        """Look at what the model leaves."""
+        left, outdone = leftover(runs, searches, bodily), stand_ins(runs, searches, bodily)
+        left += [u for _, u in outdone if u.fraction > 0.0]
+        return cls(tuple(left), tuple(f for f, _ in outdone))
+
+    @cached_property
+    def disturbances(self) -> list[Unexplained]:
+        """Steady slow errors that go with nothing commanded, as wind."""
+        return [u for u in self.found if u.steady and u.size <= _NO_WIND]
+
+    @cached_property
+    def structure(self) -> list[Unexplained]:
+        """All else, with the slow errors that are too large for wind."""
+        said = "{}, which goes with nothing commanded".format
+        return [u for u in self.found if not u.steady] + [
+            replace(u, test=said(u.test)) for u in self._beyond
+        ]
+
+    @cached_property
+    def puzzles(self) -> dict[str, float]:
+        """By channel, the largest share that casts doubt on causes beside it."""
+        puzzling = [u for u in self.found if u.puzzling and not u.steady]
+        return _largest([*puzzling, *self._beyond])
+
+    @cached_property
+    def disturbed(self) -> dict[str, float]:
+        """By channel, the largest share of a steady slow error."""
+        return _largest(u for u in self.found if u.steady)
+
+    @cached_property
+    def dropping(self) -> set[str]:
+        """Channels whose measurement drops out."""
+        return {u.channel for u in self.structure if u.test == BURSTS and u.fraction > _MOSTLY}
+
+    @cached_property
+    def _beyond(self) -> list[Unexplained]:
+        return [u for u in self.found if u.steady and u.size > _NO_WIND]
+
+
+def unexplained(
+    left: Iterable[Unexplained],
+    touched: Collection[str],
+    rounds: Mapping[str, float],
+    taken: Callable[[str], float],
+) -> bool:
+    """Whether what is left says that the logs are not explained.
+
+    Args:
+        left: structure that is left.
+        touched: channels that findings act on; none where nothing was found.
+        rounds: by channel, the share that a rounding may differ by itself.
+        taken: share of a channel's error that findings took.
+    """
+    serious = [
+        u
+        for u in left
+        if u.fraction > _SERIOUS
+        and u.size >= SMALL
+        and not u.of_form
+        and (u.puzzling or u.fraction > rounds.get(u.channel, 0.0))
+    ]
+    if not touched:
+        return bool(serious)
+    return any(
+        u.fraction > _MOSTLY
+        and not _settled(u, taken(u.channel))
+        and (u.channel in touched or u.size > _ELSEWHERE)
+        for u in serious
+    )
+
+
+def _settled(left: Unexplained, taken: float) -> bool:
+    """Whether findings that took a share of a channel's error have explained it all the same."""
+    return taken > _SETTLED and left.fraction * (1.0 - taken) < _OPEN
+
+
+def _largest(left: Iterable[Unexplained]) -> dict[str, float]:
+    """The largest fraction in each channel."""
+    found: dict[str, float] = {}
+    for u in left:
+        found[u.channel] = max(found.get(u.channel, 0.0), u.fraction)
+    return found

@@ -1,0 +1,55 @@
+"""Sensors that round: found in the steps of what they measure, and not by a fit."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..data.record import Record
+from .judge import Trial
+from .naming import Named
+from .result import ChannelScore, Estimate, Finding, Gain
+from .weighing import MINOR
+
+COARSE = 0.1
+"""Share of a rounding in what a model leaves, from which on it is a finding."""
+
+_SAME_STEP = 0.1  # by which the step of a plant's rounding may differ from that of its sensor
+
+
+def quantised(records: Sequence[Record], scores: Mapping[str, ChannelScore]) -> list[Finding]:
+    """Sensors whose measurements come in steps that matter beside what the model leaves."""
+    made = []
+    for channel, score in scores.items():
+        if not all(channel in record for record in records):
+            continue  # made of others, so not a sensor's
+        steps = [step for r in records if (step := r.step(channel)) is not None]
+        step = float(np.median(steps)) if 2 * len(steps) > len(records) else None
+        if step is None or step**2 / 12.0 < MINOR * score.mse:
+            continue
+        unit = records[0].units.get(channel, "1")
+        gain = Gain(channel, score.fit, score.fit, 0.0, score.mse, score.mse)
+        found = Finding(
+            cause="quantization", where="sensor", channel=channel, form="",
+            parameters={"step": Estimate(step, 0.0, unit)}, statistic=math.inf, p_value=0.0,
+            gain=gain, predicted_gain=None, share=min(step**2 / 12.0 / score.mse, 1.0),
+            rivals=(), separating_experiment=None, sentence="",
+        )  # fmt: skip
+        said = f"{channel} sensor: quantization, step {step:.3g} {unit}. Its rounding is "
+        said += f"{100.0 * found.share:.0f} % of what the model leaves of {channel}."
+        made.append(replace(found, sentence=said[:1].upper() + said[1:]))
+    return made
+
+
+def tells_rounding(cause: Named, trial: Trial, rounded: Sequence[Finding]) -> bool:
+    """Whether a quantization in the plant is that of its sensor, told once more, or an offset is
+    within half a step of it."""
+    channels = {cause.channel, trial.gain.channel}
+    steps = [f.parameters["step"].value for f in rounded if f.channel in channels]
+    if cause.cause == "quantization":
+        own = cause.parameters["step"].value
+        return any(abs(own - step) < _SAME_STEP * step for step in steps)
+    if cause.cause in ("offset", "sensor_bias"):
+        return any(abs(cause.parameters["bias"].value) < 0.5 * step for step in steps)
+    return False
