@@ -10,7 +10,7 @@ from vdmsi_jax.diagnose.found import Search
 from vdmsi_jax.diagnose.leftover import only_where_judged
 from vdmsi_jax.diagnose.naming import Named
 from vdmsi_jax.diagnose.prepare import Runs
-from vdmsi_jax.diagnose.result import ChannelScore, Diagnosis, Gain, Rival, Unexplained
+from vdmsi_jax.diagnose.result import ChannelScore, Diagnosis, Estimate, Gain, Rival, Unexplained
 from vdmsi_jax.diagnose.unexplained import BURSTS, WORSE
 from vdmsi_jax.diagnose.weighing import Weighing
 
@@ -50,6 +50,16 @@ def test_what_four_others_tell_as_well_is_a_name_only_by_itself():
     assert not WEIGHING._mends(vague, gain(0.2), [vague])
     fewer = named("offset", "backlash", "dead_zone")
     assert not WEIGHING._mends(fewer, gain(0.2), [fewer, named("saturation")])
+
+
+@pytest.mark.parametrize(("hertz", "nothing"), [(0.02, True), (0.5, False)])
+def test_a_mode_swings_a_few_times_or_is_any_slow_error(hertz, nothing):
+    runs = Runs(("run",), (), (0,), (2000,), (0.0,), ((),), dt=0.05)  # of 100 s
+    seen = {"frequency": Estimate(hertz, 0.01, "Hz"), "damping": Estimate(0.05, 0.01, "1")}
+    mode = replace(
+        made_up_diagnosis.siso().findings[0], cause="resonance", parameters=seen, gain=gain(0.4)
+    )
+    assert replace(WEIGHING, runs=runs)._negligible(mode) is nothing
 
 
 def left(*where: str, test: str = BURSTS, size: float = 1.0) -> Unexplained:

@@ -29,6 +29,7 @@ _PUZZLE = 0.1  # share of the error without a cause that must puzzle beside it, 
 _PERIODS = 6.0  # in the longest run, of a periodic disturbance beside what nothing explains
 _BUS, _LATE = 0.02, 2.5  # s and points of FIT, below which both a delay is every bus's
 _TURNS = 0.1  # s, below which a body's lag by its inertia is every vehicle's
+_SWINGS = 3.0  # in the longest run, of a mode, below which any slow error has it
 _DAMPED = 0.24  # ratio, from which a mode is rather two poles that the plant lacks
 _KINDS = (
     frozenset({"coulomb_friction", "backlash"}),
@@ -155,15 +156,20 @@ class Weighing:
         period that fits into the longest run only a few times."""
         if found.cause == "offset":
             return found.share < NEARLY_ALL
-        longest = self.runs.length * self.runs.dt
         slow = found.cause == "periodic_disturbance"
-        return slow and found.parameters["frequency"].value * longest < _PERIODS
+        return slow and found.parameters["frequency"].value * self._longest < _PERIODS
+
+    @property
+    def _longest(self) -> float:
+        """Duration of the longest run, s."""
+        return self.runs.length * self.runs.dt
 
     def _negligible(self, found: Finding) -> bool:
         """Whether it is less than a body's or a plant's own: a sensor that is late by less than
         half a sample, tyres by less than one that tell little, a body that turns with its tyres, a
         response that is early or late by what every bus takes, a mode that poles of the baseline
-        tell as well; or a small gain in one channel that is none on the road.
+        tell as well or that hardly swings in these logs; or a small gain in one channel that is
+        none on the road.
         """
         value, dt = next(iter(found.parameters.values())).value, self.runs.dt
         none, g = False, found.gain
@@ -179,6 +185,7 @@ class Weighing:
         elif found.cause == "resonance":
             damping = found.parameters["damping"].value
             none = damping > _DAMPED or (damping > _LIGHT and self._part(g) < _ADDS)
+            none = none or found.parameters["frequency"].value * self._longest < _SWINGS
         worse = g.ate_before is not None and g.ate_after is not None and g.ate_after > g.ate_before
         return none or (worse and max(found.share, g.typical) < _DOUBTFUL)
 
