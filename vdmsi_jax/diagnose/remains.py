@@ -15,7 +15,8 @@ from .unexplained import BURSTS, SMALL
 _SERIOUS, _MOSTLY = 0.05, 0.3  # share of structure in a residual that is spoken of, and that weighs
 _SETTLED = 0.75  # share of a channel's error from which on findings have explained it
 _OPEN = 0.12  # share of it that is left and structure, from which on they have not
-_ELSEWHERE = 0.08  # slow error, of a response's spread, that weighs beside findings elsewhere
+_ELSEWHERE = 0.08  # slow error, of a response's spread, that weighs beside findings elsewhere,
+_WIND_ELSEWHERE = 0.12  # and one that goes with nothing commanded
 _NO_WIND = 0.08  # the same, beyond which an error is no disturbance: of clean exams up to 0.06, and
 # what the library lacks 0.09 to 0.33
 
@@ -103,7 +104,7 @@ def unexplained(
     return any(
         u.fraction > _MOSTLY
         and not _settled(u, taken(u.channel))
-        and (u.channel in touched or u.size > _ELSEWHERE)
+        and (u.channel in touched or u.size > (_WIND_ELSEWHERE if u.steady else _ELSEWHERE))
         for u in serious
     )
 

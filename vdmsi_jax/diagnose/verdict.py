@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -67,7 +68,7 @@ class Evidence:
             left,
             {f.gain.channel for f in findings},
             {f.channel: f.share for f in rounded if f.channel is not None},
-            weighing.taken,
+            partial(_taken, weighing, findings),
         )
         explained = "explained" if findings else "no_effect"
         told = Diagnosis(
@@ -275,6 +276,13 @@ class Evidence:
 def _rank(found: Finding) -> tuple[float, float]:
     """What orders findings: what they cost on the road, and then the share of their channel."""
     return -found.gain.cost, -found.share
+
+
+def _taken(weighing: Weighing, findings: Sequence[Finding], channel: str) -> float:
+    """Share of a channel's error that findings took, of a baseline with the poles that tell a mode
+    or a delay as well, or of the model without the one that took most."""
+    shares = [f.share for f in findings if f.gain.channel == channel]
+    return max([weighing.taken(channel), *shares])
 
 
 def _doubt(shares: Mapping[str, float], cause: Named, trial: Trial) -> float:
