@@ -184,14 +184,17 @@ def pendulum(seed: int, friction: float, seconds: float = 6.0):
     return [vj.Record.from_arrays(dt=dt, name="run", plants=(plant,), u=u, y=y)]
 
 
-@pytest.mark.parametrize("seed", [2, pytest.param(1, marks=pytest.mark.slow)])
-def test_friction_is_found_beside_the_weight_that_a_weak_servo_carries(seed):
+@pytest.mark.parametrize("seed", [2, *(pytest.param(k, marks=pytest.mark.slow) for k in (0, 1))])
+def test_friction_and_weight_are_found_in_a_weak_servo(seed):
     """Nothing fits before friction is in: of linear plants one whose error a colour of noise takes
-    scores best (seed 1), and a refit that stops early leaves friction behind."""
+    scores best (seed 1), and a refit that stops early leaves friction behind. Beside friction the
+    screen does not see what the weight bends (seeds 0 and 2)."""
     found = vj.diagnose(pendulum(seed, friction=0.15))
-    (friction,) = (f for f in found.findings if f.cause == "coulomb_friction")
-    assert friction.parameters["level"].value == pytest.approx(0.15, abs=0.012)
-    assert found.extended["y"].fit > 96.0 > found.channels["y"].fit + 3.0
+    causes = {f.cause: f for f in found.findings}
+    level = causes["coulomb_friction"].parameters["level"].value
+    assert level == pytest.approx(0.15, abs=0.012)
+    assert causes["gain_nonlinearity"].form == "of what pulls the response back"
+    assert found.extended["y"].fit > 99.0 > 95.0 > found.channels["y"].fit
 
 
 def test_a_limit_that_is_never_reached_is_not_told():

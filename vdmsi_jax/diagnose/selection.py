@@ -21,6 +21,7 @@ from .starts import (
     late,
     mirrored,
     nested,
+    pulled_back,
     ringing,
     scanned,
     shifted,
@@ -79,6 +80,7 @@ def climbed(
             patient = []
             for h in smaller:
                 (patient if lost or _waits(stage, h) else starts).append(h)
+            starts += pulled_back(stage, now)
             starts += [h for f in aside for h in _beside(stage, f, score(stage, now))]
             if not rings:  # or the plant would take the mode back
                 starts += closest(stage, list(nested(stage, now.hypothesis)), 1)

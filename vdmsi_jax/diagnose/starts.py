@@ -197,6 +197,26 @@ def bent(stage: Stage, first: Refit) -> list[Hypothesis]:
     return [Hypothesis(1, 0, (number,), theta) for number, (_, theta) in best.items()]
 
 
+def pulled_back(stage: Stage, now: Refit) -> list[Hypothesis]:
+    """What pulls back a response that friction holds, bent: beside sticking and slipping a small
+    step tells little of it, and the screen nothing."""
+    h, made = now.hypothesis, []
+    active = [stage.slots[number] for number in h.active]
+    if not any(slot.rough for slot in active):
+        return []
+    for number in stage.allowed:
+        slot = stage.slots[number]
+        if getattr(slot.effect, "by", None) != "stiffness":
+            continue
+        if any(own.cause == slot.cause for own in active):
+            continue
+        for probe in slot.effect.probes(stage.scales):
+            theta = h.theta.copy()
+            theta[list(slot.index)] = probe
+            made.append(replace(h, active=tuple(sorted((*h.active, number))), theta=theta))
+    return made
+
+
 def hilly(stage: Stage, h: Hypothesis) -> list[Hypothesis]:
     """The same with hills, next to level ones, where there may be any."""
     number = _number(stage, "road_grade")
