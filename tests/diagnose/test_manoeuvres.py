@@ -9,8 +9,9 @@ import pytest
 import vdmsi_jax as vj
 from vdmsi_jax.diagnose import manoeuvres
 from vdmsi_jax.diagnose.hypothesis import Hypothesis, Refit
-from vdmsi_jax.diagnose.prepare import lay_out, stage_of
+from vdmsi_jax.diagnose.prepare import stage_of
 from vdmsi_jax.diagnose.refit import refit
+from vdmsi_jax.diagnose.runs import lay_out
 from vdmsi_jax.diagnose.stage import Stage
 
 DT, ROWS = 0.02, 1500

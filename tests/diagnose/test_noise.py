@@ -6,7 +6,8 @@ import pytest
 import vdmsi_jax as vj
 from vdmsi_jax.diagnose.colour import spectrum, whiten
 from vdmsi_jax.diagnose.noise import KnownNoise, OwnNoise, Pair, pairs, repeated
-from vdmsi_jax.diagnose.prepare import lay_out, repeats
+from vdmsi_jax.diagnose.prepare import repeats
+from vdmsi_jax.diagnose.runs import lay_out
 
 DT, ROWS = 0.02, 2000
 LOGS = ("a", "b", "c", "d")

@@ -4,8 +4,9 @@ import numpy as np
 
 import vdmsi_jax as vj
 from vdmsi_jax.diagnose.hypothesis import Hypothesis
-from vdmsi_jax.diagnose.prepare import lay_out, stage_of
+from vdmsi_jax.diagnose.prepare import stage_of
 from vdmsi_jax.diagnose.price import PARAMETER_COST, price
+from vdmsi_jax.diagnose.runs import lay_out
 from vdmsi_jax.diagnose.stage import POLES
 
 PLANT, RUNS = vj.PlantSpec("servo", "u", "y"), 3

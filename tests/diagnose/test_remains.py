@@ -10,8 +10,9 @@ from vdmsi_jax.data.record import Record
 from vdmsi_jax.diagnose.chain import bands, regress
 from vdmsi_jax.diagnose.disturbance import apart, demands, moving, scores
 from vdmsi_jax.diagnose.judge import Scored, Trial, confirmed, gain_of
-from vdmsi_jax.diagnose.prepare import lay_out, stage_of
+from vdmsi_jax.diagnose.prepare import stage_of
 from vdmsi_jax.diagnose.result import Gain
+from vdmsi_jax.diagnose.runs import lay_out
 from vdmsi_jax.diagnose.unexplained import events, slow_error, structure
 
 DT = 0.02

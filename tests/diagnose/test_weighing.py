@@ -9,8 +9,8 @@ from vdmsi_jax.config import PlantSpec
 from vdmsi_jax.diagnose.found import Search
 from vdmsi_jax.diagnose.leftover import only_where_judged
 from vdmsi_jax.diagnose.naming import Named
-from vdmsi_jax.diagnose.prepare import Runs
 from vdmsi_jax.diagnose.result import ChannelScore, Diagnosis, Estimate, Gain, Rival, Unexplained
+from vdmsi_jax.diagnose.runs import Runs
 from vdmsi_jax.diagnose.unexplained import BURSTS, WORSE
 from vdmsi_jax.diagnose.weighing import Weighing
 

@@ -65,7 +65,8 @@ def gains(logs: Sequence) -> Line:
 
     from vdmsi_jax.diagnose.body_search import search_body
     from vdmsi_jax.diagnose.diagnose import plants_of
-    from vdmsi_jax.diagnose.prepare import body_of, lay_out, stage_of
+    from vdmsi_jax.diagnose.prepare import body_of, stage_of
+    from vdmsi_jax.diagnose.runs import lay_out
 
     causes: dict[str, list[float]] = {}
     kinds: dict[str, list[float]] = {}

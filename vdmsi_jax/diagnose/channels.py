@@ -11,8 +11,8 @@ from .body_search import BodySearch
 from .colour import whiten
 from .found import Search
 from .judge import fit_percent
-from .prepare import Runs
 from .result import ChannelScore, Response
+from .runs import Runs
 
 _FEW = 50  # samples held out, up to which those that were fitted judge
 

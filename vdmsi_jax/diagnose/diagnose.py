@@ -18,8 +18,9 @@ from .body_search import search_body
 from .found import Search
 from .leftover import breaks_where_judged, is_another, only_where_judged
 from .noise import KnownNoise
-from .prepare import Runs, body_of, lay_out, slower, stage_of
+from .prepare import body_of, stage_of
 from .result import Diagnosis
+from .runs import Runs, lay_out, slower
 from .search import search
 from .stage import Stage
 from .verdict import Evidence

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..config import PlantSpec
+from .angle import derived, steering_angle
 from .body import CAUSES, Body
 from .body_fit import BodyFit, residual
 from .body_search import BodyFinding, BodySearch
@@ -14,8 +15,8 @@ from .disturbance import demands, moving, scores
 from .families import Explained, Family, better_than, explained, of_body, of_plant, weighed
 from .found import Failed, Finding, Search
 from .judge import Scored
-from .prepare import Runs, derived, steering_angle
 from .result import Diagnosis, Unexplained
+from .runs import Runs
 from .search import FREE
 from .stage import Stage
 from .travelled import line_over

@@ -8,8 +8,8 @@ from ..config import PlantSpec
 from .body_search import BodySearch
 from .found import Search
 from .leftover import leftover, stand_ins
-from .prepare import Runs
 from .result import Unexplained
+from .runs import Runs
 from .unexplained import BURSTS, SMALL
 
 _SERIOUS, _MOSTLY = 0.05, 0.3  # share of structure in a residual that is spoken of, and that weighs

@@ -9,8 +9,8 @@ from .body_search import BodySearch
 from .found import Search
 from .hypothesis import Hypothesis, responses
 from .naming import Named
-from .prepare import Runs
 from .result import Path
+from .runs import Runs
 
 
 class Road:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..config import PlantSpec
 from ..data.record import Record
+from .angle import steering_angle
 from .body import CAUSES, CHANNELS
 from .body_search import BodySearch, at_fixed, chained
 from .budget import of_channel, of_path
@@ -20,12 +21,12 @@ from .hypothesis import Refit
 from .judge import Scored, Trial, confirmed, gain_of
 from .manoeuvres import separate
 from .naming import Named, merged, of_body, of_stage, of_yaw_rate
-from .prepare import Runs, steering_angle
 from .refit import refit
 from .remains import Remains, unexplained
 from .result import Diagnosis, Finding, Rival, Unexplained
 from .road import Road
 from .rounding import COARSE, quantised, tells_rounding
+from .runs import Runs
 from .screen import screen
 from .selection import joined
 from .weighing import Weighing, overshadowed

@@ -10,8 +10,8 @@ from ..config import PlantSpec
 from .found import Search
 from .judge import NEARLY_ALL, Trial
 from .naming import Named
-from .prepare import Runs
 from .result import ChannelScore, Finding, Gain
+from .runs import Runs
 from .starts import backward
 
 MINOR = 0.03
