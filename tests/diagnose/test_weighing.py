@@ -9,10 +9,18 @@ from vdmsi_jax.config import PlantSpec
 from vdmsi_jax.diagnose.found import Search
 from vdmsi_jax.diagnose.leftover import only_where_judged
 from vdmsi_jax.diagnose.naming import Named
-from vdmsi_jax.diagnose.result import ChannelScore, Diagnosis, Estimate, Gain, Rival, Unexplained
+from vdmsi_jax.diagnose.result import (
+    ChannelScore,
+    Diagnosis,
+    Estimate,
+    Finding,
+    Gain,
+    Rival,
+    Unexplained,
+)
 from vdmsi_jax.diagnose.runs import Runs
 from vdmsi_jax.diagnose.unexplained import BURSTS, WORSE
-from vdmsi_jax.diagnose.weighing import Weighing
+from vdmsi_jax.diagnose.weighing import Weighing, crowd
 
 SEARCH, OTHER = (object.__new__(Search) for _ in range(2))  # by which causes are known as theirs
 SPEC = PlantSpec("servo", "u", "y")
@@ -60,6 +68,25 @@ def test_a_mode_swings_a_few_times_or_is_any_slow_error(hertz, nothing):
         made_up_diagnosis.siso().findings[0], cause="resonance", parameters=seen, gain=gain(0.4)
     )
     assert replace(WEIGHING, runs=runs)._negligible(mode) is nothing
+
+
+def finding(cause: str, share: float) -> Finding:
+    return replace(made_up_diagnosis.siso().findings[0], cause=cause, share=share)
+
+
+def test_four_causes_of_one_actuator_are_one_without_a_name():
+    words = ("saturation", "backlash", "dead_zone", "offset")
+    many = [finding(cause, 0.9) for cause in words]
+    assert crowd(many)[0] == many and crowd(many[:3])[0] == []
+
+
+@pytest.mark.parametrize("other", ["saturation", "gain_asymmetry"])
+def test_two_weak_bends_of_one_characteristic_are_one_without_a_name(other):
+    bends = [finding("gain_nonlinearity", 0.3), finding(other, 0.2)]
+    friction = finding("coulomb_friction", 0.7)
+    assert crowd([friction, *bends])[0] == bends
+    strong = [bends[0], finding(other, 0.8)]
+    assert crowd(strong)[0] == crowd([bends[1], friction])[0] == []
 
 
 def left(*where: str, test: str = BURSTS, size: float = 1.0) -> Unexplained:

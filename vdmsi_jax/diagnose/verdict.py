@@ -29,11 +29,8 @@ from .rounding import COARSE, quantised, tells_rounding
 from .runs import Runs
 from .screen import screen
 from .selection import joined
-from .weighing import Weighing, overshadowed
+from .weighing import Weighing, crowd, overshadowed
 from .words import sentence, summary
-
-_CROWD = 4  # causes of one actuator, from which on they are one that the library lacks
-_CROWDED = "it takes four causes together, as one would that has no name here"
 
 _TWINS = {"powertrain": "v", "steering": "delta"}
 _SENSED = {"transport_delay": "sensor_delay", "offset": "sensor_bias"}
@@ -124,12 +121,12 @@ class Evidence:
             if not small and cause.search is not None:
                 of_plant.setdefault(id(cause.search), []).append(found)
         for spec, own in self.searches.items():
-            many = of_plant.get(id(own), [])
-            if len(many) >= _CROWD:
+            many, said = crowd(of_plant.get(id(own), []))
+            if many:
                 findings = [f for f in findings if f not in many]
                 minor += many
                 taken = min(weighing.taken(spec.output), 1.0)
-                crowds.append(Unexplained(spec.output, taken, (), (), _CROWDED, puzzling=True))
+                crowds.append(Unexplained(spec.output, taken, (), (), said, puzzling=True))
         return findings, minor, crowds
 
     def _causes(self) -> list[Named]:

@@ -36,6 +36,8 @@ _KINDS = (
     frozenset({"road_grade", "periodic_disturbance"}),
 )  # causes of which one tells what the form of the other misses
 _MANY = 4  # rivals that explain the logs as well, from which on a cause beside others is anything
+_CROWD = 4  # causes of one actuator, from which on they are one that the library lacks
+_BENDS = frozenset({"gain_nonlinearity", "saturation", "gain_asymmetry"})  # of one characteristic
 _LIGHT, _ADDS = 0.15, 0.3  # ratio, and share of the baseline's error, that a mode with more damping
 # must take by itself
 
@@ -207,3 +209,17 @@ def overshadowed(found: Finding, findings: Sequence[Finding]) -> bool:
     not quite straight, a part that is not quite a formula."""
     weak = _WEAK if found.statistic >= _FAINT else 2.0 * _WEAK
     return found.share < weak and any(f.share > _STRONG for f in findings)
+
+
+def crowd(findings: Sequence[Finding]) -> tuple[list[Finding], str]:
+    """Of the findings of one actuator those that are one cause without a name, and what is said of
+    them: four or more, or several that bend one characteristic where none takes half of the error
+    by itself."""
+    said = "it takes {} together, as what has no name here would"
+    if len(findings) >= _CROWD:
+        return list(findings), said.format("four causes")
+    bends = [f for f in findings if f.cause in _BENDS]
+    formed = any(f.cause == "gain_nonlinearity" for f in bends)
+    if len(bends) > 1 and formed and all(f.share < _STRONG for f in bends):
+        return bends, said.format(f"{len(bends)} bends of its characteristic")
+    return [], ""
