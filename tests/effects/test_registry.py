@@ -1,6 +1,7 @@
 """The registry against the contract: every word is there, described, and has probes that are on."""
 
 import inspect
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -31,6 +32,15 @@ def test_every_word_has_an_effect_and_every_effect_such_a_word():
 def test_no_cause_is_registered_twice_in_one_form():
     names = [label(effect) for effect in REGISTRY]
     assert len(set(names)) == len(names)
+
+
+@every_effect
+def test_the_list_for_users_has_the_cause_and_its_parameters(effect):
+    told = {"share": "weight", "sine": "amplitude", "cosine": "phase"}
+    text = (Path(__file__).parents[2] / "docs" / "causes.md").read_text()
+    rows = "".join(row for row in text.splitlines() if row.startswith(f"| `{effect.cause}`"))
+    missing = [n for n in parameters(effect) if f"`{told.get(n, n)}`" not in rows]
+    assert rows and not missing
 
 
 @every_effect
