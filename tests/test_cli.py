@@ -369,3 +369,25 @@ print(os.environ["XLA_FLAGS"], jnp.ones(3).sum())
         [sys.executable, "-c", program], capture_output=True, text=True, env=environment
     )
     assert ended.stdout.strip() == f"{own or '--xla_cpu_use_fusion_emitters=false'} 3.0"
+
+
+@pytest.mark.parametrize(
+    ("log", "said"), [(".", "no file"), ("", "no file"), ("a" * 300 + ".csv", "too long")]
+)
+def test_what_cannot_be_a_file_is_refused_in_one_line(here, tmp_path, log, said):
+    assert said in refused(here("identify", log, "--out", tmp_path, "--no-report"))
+
+
+def test_json_that_is_too_deep_is_refused(here, tmp_path):
+    (tmp_path / "model.json").write_text("[" * 100_000)
+    log = write_csv(tmp_path / "log.csv", drive())
+    told = refused(here("simulate", tmp_path / "model.json", log, "--out", tmp_path))
+    assert "model.json: cannot be read" in told
+
+
+def test_a_folder_where_a_result_should_be_is_told(here, tmp_path, settings):
+    log = write_csv(tmp_path / "log.csv", drive())
+    (tmp_path / "identify.json").mkdir()
+    told = refused(here("identify", log, "--config", settings, "--out", tmp_path, "--no-report"))
+    assert "identify.json: is a directory" in told
+    assert not list(tmp_path.glob(".identify*"))

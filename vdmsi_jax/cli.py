@@ -346,6 +346,13 @@ def main(arguments: list[str] | None = None) -> None:
     except InputError as refused:
         print(f"vdmsi: {refused}", file=sys.stderr)
         raise SystemExit(2) from None
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        path, reason = error.filename2 or error.filename or "a file", error.strerror or str(error)
+        mend = "name a path that can be read and written"
+        print(f"vdmsi: {path}: {reason.lower()}; {mend}", file=sys.stderr)
+        raise SystemExit(2) from None
     except KeyboardInterrupt:
         raise SystemExit(130) from None
 

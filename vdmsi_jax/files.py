@@ -83,7 +83,7 @@ def read_json(path: str | Path) -> Any:
     except json.JSONDecodeError as error:
         place = f"line {error.lineno}, column {error.colno}"
         raise InputError(str(path), place, f"no JSON: {error.msg}", "write the file anew") from None
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError, RecursionError) as error:  # too deep, or with absurd numbers
         raise InputError(str(path), "", f"cannot be read ({error})", "give a JSON file") from None
 
 

@@ -101,7 +101,7 @@ def _score(
         return Prediction(name, status, channels, scores)
     predicted = np.stack([channels[c] for c in POSE], axis=1)
     measured = np.stack([record[c] for c in POSE], axis=1)
-    samples = max(round(window / record.dt), 1)
+    samples = max(round(min(window / record.dt, record.n)), 1)
     anchors = np.concatenate(
         [s.start + np.arange(len(s)) // samples * samples for s in record.segments]
     )

@@ -153,6 +153,8 @@ def config_of(path: str | Path, config: str | Path | Config | None = None) -> Co
         return config
     if config is None:
         path = Path(path)
+        if not path.name:
+            raise InputError(str(path), "", "is no file", "name a log")
         candidates = (path.with_suffix(".toml"), *(path.parent / name for name in _CONFIG_NAMES))
         config = next((candidate for candidate in candidates if candidate.is_file()), None)
     return load_config(config)

@@ -129,12 +129,10 @@ def _longest_delay(record: Record, options: IdentifyOptions) -> int:
     """Upper bound of the delay in samples; 0 where the delay is not a parameter."""
     if options.delay is False:
         return 0
-    bound = (
-        _LONGEST_DELAY * max(len(segment) for segment in record.segments)
-        if options.delay is True
-        else options.delay / record.dt
-    )
-    return max(int(bound), 1)
+    longest = max(len(segment) for segment in record.segments)
+    if options.delay is True:
+        return max(int(_LONGEST_DELAY * longest), 1)
+    return max(int(min(options.delay / record.dt, longest)), 1)
 
 
 class _Score(NamedTuple):
