@@ -30,6 +30,7 @@ LAYERS = (
     {"plots"},
     {"report", "terminal"},
     {"cli"},
+    {"__main__"},
 )
 """Rooms of the package from the ground up; a room may use those below it and on its own floor."""
 

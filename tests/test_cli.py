@@ -318,6 +318,33 @@ def test_a_sweep_goes_on_where_it_was_stopped(here, tmp_path, settings):
     assert json.loads(cells[0].read_text())["chosen"] == "P1Z0", "a changed cell was kept"
 
 
+def test_cells_of_a_sweep_have_files_of_their_own(here, tmp_path):
+    """Whatever plants are called, and where logs of one name lie in folders of one name."""
+    logs = []
+    for folder in ("a/day", "b/day"):
+        (tmp_path / folder).mkdir(parents=True)
+        logs.append(write_csv(tmp_path / folder / "run.csv", drive()))
+        logs[-1].write_text(logs[-1].read_text() + f"2.0,1.0,0.1,{1.0 + len(logs) / 10},0.1\n")
+    plants = ["left/right", "n" * 300]
+    named = "".join(
+        f'[[plants]]\nname = "{name}"\ninput = "v_cmd"\noutput = "v"\n' for name in plants
+    )
+    (tmp_path / "plants.toml").write_text(named)
+    runs = "".join(f'{{ log = "{log}", config = "plants.toml" }},' for log in logs)
+    (tmp_path / "sweep.toml").write_text(
+        f"[identify]\npoles = [1]\nzeros = [0]\n[sweep]\nruns = [{runs}]\n"
+    )
+    done = here("sweep", tmp_path / "sweep.toml", "--out", tmp_path / "out", "--no-report")
+    assert done.returncode == 0, done.stderr
+    cells = sorted((tmp_path / "out" / "cells").iterdir())
+    assert len(cells) == 4
+    assert {json.loads(cell.read_text())["plant"] for cell in cells} == set(plants)
+    for cell in cells:  # what someone else has put there
+        cell.write_text(json.dumps([1] if cell == cells[0] else {"key": "none"}))
+    done = here("sweep", tmp_path / "sweep.toml", "--out", tmp_path / "out", "--no-report")
+    assert done.returncode == 0, done.stderr
+
+
 def test_a_refused_log_does_not_stop_a_sweep(here, tmp_path, settings):
     (tmp_path / "bad.csv").write_text("t,v_cmd,v\n0,1,oops\n")
     config = tmp_path / "sweep.toml"
@@ -376,6 +403,20 @@ print(os.environ["XLA_FLAGS"], jnp.ones(3).sum())
 )
 def test_what_cannot_be_a_file_is_refused_in_one_line(here, tmp_path, log, said):
     assert said in refused(here("identify", log, "--out", tmp_path, "--no-report"))
+
+
+def test_the_package_is_a_program_too():
+    asked = [sys.executable, "-m", "vdmsi_jax", "--version"]
+    assert subprocess.run(asked, capture_output=True, text=True).stdout.startswith("vdmsi ")
+
+
+def test_numbers_of_absurd_size_in_a_model_are_refused(here, tmp_path):
+    absurd = json.loads(json.dumps(EXTENDED))
+    absurd["plants"]["steering"]["num"] = [10**400]
+    (tmp_path / "model.json").write_text(json.dumps(absurd))
+    log = write_csv(tmp_path / "log.csv", drive())
+    told = refused(here("simulate", tmp_path / "model.json", log, "--out", tmp_path))
+    assert "steering num 1: a number of absurd size" in told
 
 
 def test_json_that_is_too_deep_is_refused(here, tmp_path):

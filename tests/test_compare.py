@@ -184,6 +184,9 @@ def test_a_model_with_effects_is_a_third_prediction(extended, tmp_path):
     assert document["channels"]["r"]["fit"] == best.scores["r"].fit
     names = {path.name for path in write_trajectories(tmp_path, comparison)}
     assert names == {f"drive.{kind}.tum" for kind in ("measured", "vdm", "vdm_si", "extended")}
+    second = dataclasses.replace(comparison, record=comparison.record.renamed("monday/run.2"))
+    names = {path.name for path in write_trajectories(tmp_path, second)}
+    assert "monday.run.2.measured.tum" in names, "run.1 and run.2 would share their files"
 
 
 def test_an_extended_actuator_alone_hears_the_speed(extended):

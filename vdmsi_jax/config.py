@@ -73,6 +73,8 @@ class VehicleGeometry:
         problem = f"does not go with reference_point = {self.reference_point!r}"
         mend = 'give it (m ahead of the centre of gravity) with "sensor", and only then'
         _require(fine, self, "lever_arm", problem, mend)
+        problem = f"{self.lever_arm} is no distance"
+        _require(math.isfinite(self.lever_arm or 0.0), self, "lever_arm", problem, "give metres")
 
     @property
     def wheelbase(self) -> float:

@@ -20,6 +20,8 @@ from .errors import InputError, nearest
 
 T = TypeVar("T")
 
+_LARGEST = 2**53  # whole number that a float holds exactly
+
 _WORDS: dict[type, str] = {
     str: "a text",
     bool: "true or false",
@@ -43,6 +45,10 @@ def load_toml(path: Path) -> dict[str, Any]:
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(
             str(path), "", f"cannot be read as text ({error})", "give a TOML file"
+        ) from None
+    except RecursionError:
+        raise InputError(
+            str(path), "", "tables lie too deep in each other", "mend the file"
         ) from None
     except tomllib.TOMLDecodeError as error:
         problem, _, place = str(error).rstrip(")").partition(" (at ")
@@ -114,7 +120,7 @@ def _value(hint: Any, given: Any, source: str, place: str) -> Any:
         if dataclasses.is_dataclass(hint):
             table = given if isinstance(given, dict) else {cast(Any, hint).shorthand: given}
             return decode(_as_type(hint), table, source=source, place=place)
-        return float(given) if hint is float else given
+        return _number(hint, given, source, place) if hint in (int, float) else given
     if origin is Literal and isinstance(given, str):
         raise InputError(
             source, place, f"unknown value {given!r}", nearest(given, map(str, arguments))
@@ -122,6 +128,15 @@ def _value(hint: Any, given: Any, source: str, place: str) -> Any:
     raise InputError(
         source, place, f"{_show(given)} is not {_describe(hint)}", f"give {_describe(hint)}"
     )
+
+
+def _number(hint: type, given: float | int, source: str, place: str) -> float | int:
+    """A number, unless it is none (`nan`) or has more digits than arithmetic holds."""
+    absurd = isinstance(given, int) and abs(given) > _LARGEST
+    if absurd or given != given:
+        told = "a number of absurd size" if absurd else "nan"
+        raise InputError(source, place, f"{told} is no value", f"give {_describe(hint)}")
+    return hint(given)
 
 
 def _as_type(hint: Any) -> type:

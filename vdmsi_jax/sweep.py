@@ -23,6 +23,9 @@ from .files import output_folder, read_json, write_json
 CELL = "vdmsi.sweep-cell/1"
 SWEEP = "vdmsi.sweep/1"
 
+_LONGEST_NAME = 150  # bytes of a file's name, of which file systems take some 250
+_MARK = 10  # digits of a fingerprint that tell two files apart
+
 
 @dataclass(frozen=True)
 class Cell:
@@ -55,7 +58,9 @@ class Cell:
             document = read_json(self.file)
         except InputError:
             return None
-        return document if document.get("key") == self.key else None
+        own = isinstance(document, dict) and document.get("key") == self.key
+        whole = own and {"orders", "chosen", "chosen_by_bic"} <= document.keys()
+        return document if whole else None
 
     def finish(self) -> dict[str, Any]:
         """The cell's result, identified and kept if it was not yet.
@@ -107,7 +112,9 @@ def plan(config: str | Path, out: str | Path) -> list[Cell]:
                 problem = f"there is no plant {name!r}"
                 raise InputError(sweep.source, f"{place} plants", problem, nearest(name, plants))
             key = _fingerprint(log, own.path, plants[name], options)
-            file = folder / f"{log.parent.name}.{log.stem}.{name}.json"
+            file = folder / _file_name(f"{log.parent.name}.{log.stem}.{name}", key)
+            if any(file == cell.file and key != cell.key for cell in cells):
+                file = file.with_name(f"{file.stem}.{key[:_MARK]}.json")
             cells.append(Cell(log, own.path, plants[name], options, key, file))
     return cells
 
@@ -131,6 +138,14 @@ def summarise(cells: Sequence[Cell], results: Sequence[dict[str, Any]]) -> list[
 @functools.lru_cache(maxsize=2)
 def _read(log: Path, config: Path | None) -> Record:
     return read_log(log, config)
+
+
+def _file_name(name: str, key: str) -> str:
+    """What the file of a cell may be called: without what parts folders, and short enough."""
+    name = name.replace("/", "%2F")
+    if len(name.encode()) > _LONGEST_NAME:
+        name = f"{name.encode()[:_LONGEST_NAME].decode(errors='ignore')}.{key[:_MARK]}"
+    return f"{name}.json"
 
 
 def _fingerprint(log: Path, config: Path | None, plant: PlantSpec, options: IdentifyOptions) -> str:

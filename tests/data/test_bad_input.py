@@ -27,6 +27,10 @@ COLUMNS = {
     "decimal comma": (changed("v", 3, '"1,5"'), ["line 5", "decimal point"]),
     "empty cell": (changed("v", 17, ""), ["line 19", "column 'v'", "missing"]),
     "nan": (changed("delta", 0, float("nan")), ["line 2", "column 'delta'", "not finite"]),
+    "underscore": (changed("v", 17, "1_0"), ["line 19", "column 'v'", "'1_0' is no number"]),
+    "other digits": (changed("v", 17, "\uff11"), ["line 19", "column 'v'", "is no number"]),
+    "too large": (changed("v", 17, 1e200), ["column 'v'", "1e+200", "larger", "unit"]),
+    "too small": (drive() | {"v": 1e-200 * drive()["v"]}, ["column 'v'", "1.1e-200", "unit"]),
     "infinity": (changed("v", 199, float("-inf")), ["line 201", "column 'v'", "not finite"]),
     "time missing": (changed("t", 5, ""), ["line 7", "column 't'", "time"]),
     "time backwards": (changed("t", 100, 0.5), ["line 102", "column 't'", "backwards", "0.99"]),
@@ -119,6 +123,7 @@ def test_a_column_that_the_configuration_names_is_missing(tmp_path):
         ("[select]\nwhere = 'v > 100'", ["no row is selected"]),
         ("[select]\nwhere = 'v == \"fast\"'", ["[select] where", "compared with a text"]),
         ("[select]\nwhere = 'open(v)'", ["[select] where", "unknown function"]),
+        ("[prepare]\ndt = 1e-9", ["[prepare] dt", "1e-09 s", "0.01 s between rows"]),
         ("[prepare]\nhold = ['pedal']", ["[prepare] hold", "'pedal'"]),
         (
             "[derive]\na = 'acceleration_from_speed'\nz = { expression = 'b', unit = '1' }",
@@ -154,6 +159,7 @@ NPZ = {
     "shape": ({"t": np.arange(20.0), "v": np.zeros((20, 2))}, ["array 'v'", "(20, 2)"]),
     "objects": ({"t": np.arange(20.0), "v": np.array([None] * 20)}, ["array 'v'"]),
     "texts": ({"t": np.arange(20.0), "v": np.array(["a"] * 20)}, ["array 'v'", "numbers"]),
+    "complex": ({"t": 0.1 * np.arange(20), "v": np.ones(20) * 1j}, ["array 'v'", "complex"]),
     "nan": ({"t": 0.1 * np.arange(20), "v": np.full(20, np.nan)}, ["sample 0", "'v'"]),
 }
 

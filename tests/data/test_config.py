@@ -66,6 +66,12 @@ def test_no_file_means_the_defaults():
             ["reference_point", "did you mean 'rear_axle'", "cog"],
         ),
         ("[vehicle]\nl_f = 1\nl_r = 1\nreference_point = 'sensor'", ["lever_arm"]),
+        (
+            "[vehicle]\nl_f = 1\nl_r = 1\nreference_point = 'sensor'\nlever_arm = inf",
+            ["lever_arm", "metres"],
+        ),
+        (f"[vehicle]\nl_f = {10**400}\nl_r = 1", ["[vehicle] l_f", "absurd size"]),
+        (f"[vehicle]\nl_f = {'[' * 5000}", ["too deep"]),
         ("vehicle = 3", ["[vehicle]", "a table"]),
         ("[units]\nv = 'deg'", ["[units] v", "angle", "speed", "km/h"]),
         ("[units]\nv = 'kmph'", ["[units] v", "unknown unit 'kmph'", "km/h"]),

@@ -168,6 +168,8 @@ def test_logs_with_one_name_get_their_folders(tmp_path):
     records = read_logs([*paths, write_csv(tmp_path / "other.csv", drive())])
     assert [record.name for record in records] == ["monday/run", "tuesday/run", "other"]
     assert Record.concatenate(records).runs == ("monday/run", "tuesday/run", "other")
+    twice = read_logs([paths[0], paths[0], paths[1]])
+    assert [record.name for record in twice] == ["monday/run-1", "monday/run-2", "tuesday/run"]
 
 
 def test_logs_of_one_vehicle_get_one_sample_period(tmp_path):

@@ -43,6 +43,7 @@ def test_what_from_arrays_makes():
         ({"v": [1.0, 2.0], "v_cmd": [1.0]}, "lengths"),
         ({"v": [1.0, np.nan]}, "sample 1"),
         ({"v": [[1.0, 2.0]]}, "one-dimensional"),
+        ({"v": [1.0, 1e200]}, "unit"),
         ({"v": [1.0]}, "at least two"),
         ({}, "none"),
         ({"v": [1.0, 2.0], "dt": 0.0}, "dt"),

@@ -162,6 +162,44 @@ def test_a_log_that_answers_to_nothing_is_refused():
         vj.diagnose(lonely)
 
 
+def plant_log(u, y, name="log"):
+    plant = vj.PlantSpec("motor", "u", "w")
+    return vj.Record.from_arrays(dt=0.02, name=name, u=u, w=y, plants=(plant,))
+
+
+def test_a_log_of_a_second_is_refused_in_one_line():
+    u = np.repeat([1.0, -1.0, 1.0], 10)
+    with pytest.raises(vj.InputError, match="30 samples; give logs of 40 or more"):
+        vj.diagnose(plant_log(u, 0.5 * u))
+
+
+@pytest.mark.parametrize("step", [1, 998])
+def test_a_command_that_changes_once_at_an_end_is_no_fault(step):
+    """What causes need to be tried is not there: no size of the command, no rate."""
+    u = np.zeros(1000)
+    u[:step] = 1.0
+    u = u if step == 1 else 1.0 - u
+    lag = np.convolve(u, 0.1 * 0.9 ** np.arange(100))[:1000]
+    noisy = lag + 0.01 * np.random.default_rng(1).normal(size=1000)
+    assert vj.diagnose(plant_log(u, noisy)).verdict == "no_effect"
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_a_vehicle_that_stands_has_no_body(noise):
+    """Steered at rest: its speed is zero, or noise, and its pose tells of nothing."""
+    rng = np.random.default_rng(0)
+    n = 1000
+    delta_cmd = np.repeat(rng.uniform(-0.3, 0.3, n // 25), 25)
+    delta = np.convolve(delta_cmd, 0.1 * 0.9 ** np.arange(100))[:n]
+    told = {"v_cmd": np.zeros(n), "delta_cmd": delta_cmd, "delta": delta}
+    told |= {c: np.zeros(n) for c in ("v", "r", "x", "y", "psi")}
+    logged = {c: x + noise * rng.normal(size=n) * (c[-4:] != "_cmd") for c, x in told.items()}
+    log = vj.Record.from_arrays(dt=0.02, vehicle=vj.VehicleGeometry(0.15, 0.15), **logged)
+    found = vj.diagnose(log)
+    assert not found.findings
+    assert any("stands" in told for told in found.unseen)
+
+
 def test_a_bias_of_the_yaw_rate_is_told_where_the_angle_is_made_of_it(logs):
     """The heading tells it; else the angle would have an offset that changes with the speed."""
 

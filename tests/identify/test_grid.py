@@ -197,6 +197,13 @@ def test_a_grid_of_improper_orders_alone_is_refused(record):
         identify(record, "plant", poles=(1,), zeros=(2, 3))
 
 
+def test_fewer_samples_than_unknowns_are_refused(record):
+    first = known.log(record["u_cmd"][146:156], record["out"][146:156], DT)
+    with pytest.raises(InputError, match="10 samples to fit, and up to 18 unknowns"):
+        identify(first, "plant", held_out=0.0)
+    assert small(first, held_out=0.0).fits["P2Z1"].ok
+
+
 def test_without_delay_or_offset(record):
     grid = small(record, delay=False, offset=False, held_out=0.0)
     fit = grid["P2Z1"]

@@ -25,7 +25,7 @@ def write_trajectories(folder: str | Path, comparison: Comparison) -> list[Path]
             paths[KEYS.get(name, name)] = [prediction.channels[c] for c in POSE]
     written = []
     for name, columns in paths.items():
-        stem = Path(record.name).with_suffix("").as_posix().replace("/", ".")
+        stem = record.name.replace("/", ".")
         written.append(Path(folder) / f"{stem}.{name}.tum")
         write_tum(written[-1], record.t, np.stack(columns, axis=1))
     return written

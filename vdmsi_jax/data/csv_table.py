@@ -136,7 +136,7 @@ class CsvTable(Table):
                 parts[name].append(np.array([cell.strip() for cell in columns[name]], dtype=str))
             for name in numbers:
                 try:
-                    parts[name].append(np.array([float(cell or "nan") for cell in columns[name]]))
+                    parts[name].append(np.array([_number(cell or "nan") for cell in columns[name]]))
                 except ValueError:
                     self._refuse_text(name, columns[name], [number for number, _ in chunk])
         return {name: np.concatenate(part) if part else np.empty(0) for name, part in parts.items()}
@@ -151,9 +151,17 @@ class CsvTable(Table):
                 raise InputError(str(self.path), place, f"{cell!r} is no number", mend)
 
 
+def _number(cell: str) -> float:
+    """A cell's number. What only Python takes for one, such as `1_000`, is refused as numpy's
+    parser does."""
+    if "_" in cell or not cell.isascii():
+        raise ValueError(cell)
+    return float(cell)
+
+
 def _is_number(cell: str) -> bool:
     try:
-        float(cell)
+        _number(cell)
     except ValueError:
         return False
     return True

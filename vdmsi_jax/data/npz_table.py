@@ -44,6 +44,8 @@ class NpzTable(Table):
         with np.load(self.path, allow_pickle=False) as archive:
             for name in (*numbers, *texts):
                 try:
+                    if np.iscomplexobj(archive[name]):
+                        raise TypeError("they are complex")
                     columns[name] = archive[name].astype(np.float64 if name in numbers else str)
                 except (ValueError, TypeError) as error:
                     raise InputError(

@@ -13,6 +13,7 @@ from ..errors import InputError, nearest
 from ..units import si_symbol
 from .derive import Channels, derive
 from .lattice import lattice_step
+from .magnitude import refuse_absurd
 from .mend import (
     Raw,
     Rows,
@@ -31,6 +32,7 @@ from .record import Record, Segment
 from .resample import Grid, hold, interpolate, make_grid, rounded, touched
 from .unasked import unasked
 
+_FINEST = 100  # samples that may be made of one row
 _DEFAULT_GAP = 5.0  # sample periods
 _ROUNDING = 0.02  # how far the period of an uneven log may move to become a rounder number
 _BETWEEN_RUNS = 1.0  # s between runs whose clocks restarted
@@ -71,6 +73,8 @@ def prepare(raw: Raw, config: Config) -> Record:
     mend_missing(rows, config, gap)
     cut_warm_up(rows, config)
     cut_gaps(rows, gap)
+    for name, values in raw.channels.items():
+        refuse_absurd(raw.source, f"column {raw.columns[name]!r}", values[rows.index])
     return _assemble(rows, config, period)
 
 
@@ -136,6 +140,9 @@ def _each(
 def _grids(rows: Rows, config: Config, period: float) -> tuple[list[slice], list[Grid], float]:
     """The pieces that are long enough, a grid for each, and the sample period of them all."""
     dt = config.prepare.dt or period
+    if dt < period / _FINEST:
+        problem = f"{dt:g} s is far below the {period:g} s between rows of {rows.raw.source}"
+        raise InputError(config.source, "[prepare] dt", problem, f"give {period:g} s or more")
     pieces = [slice(first, last) for first, last in stretches(rows.fresh)]
     grids = [make_grid(rows.t[at], period, dt, config.prepare.jitter) for at in pieces]
     if config.prepare.dt is None and not all(grid.even for grid in grids):

@@ -83,8 +83,8 @@ def read_logs(
 
     Returns:
         A record for each file, with different names: the file's, with its folder's before it where
-        two are alike. All have one sample period: that of `[prepare] dt`, or else the longest of
-        the logs' own.
+        two are alike, and a number behind where these are, too. All have one sample period: that of
+        `[prepare] dt`, or else the longest of the logs' own.
 
     Raises:
         InputError: a log or the configuration is refused, or no file is given.
@@ -93,14 +93,20 @@ def read_logs(
         raise InputError("logs", "", "no log is given", "give at least one file")
     files = [Path(path) for path in paths]
     records = _in_step([read_log(file, config) for file in files], files, config)
-    names = [record.name for record in records]
-    records = [
-        record.renamed(f"{file.parent.name}/{record.name}")
-        if names.count(record.name) > 1
-        else record
-        for file, record in zip(files, records, strict=True)
+    names = _told_apart([record.name for record in records], [f.parent.name for f in files])
+    return in_session([r.renamed(name) for r, name in zip(records, names, strict=True)])
+
+
+def _told_apart(names: Sequence[str], folders: Sequence[str]) -> list[str]:
+    """Different names: with the folder where two are alike, and a number where those are, too."""
+    longer = [
+        f"{folder}/{name}" if names.count(name) > 1 else name
+        for name, folder in zip(names, folders, strict=True)
     ]
-    return in_session(records)
+    return [
+        f"{name}-{longer[: k + 1].count(name)}" if longer.count(name) > 1 else name
+        for k, name in enumerate(longer)
+    ]
 
 
 def _in_step(

@@ -13,6 +13,7 @@ from ..config import DEFAULT_PLANTS, PlantSpec, VehicleGeometry, canonical_of
 from ..errors import InputError, nearest
 from ..units import si_symbol
 from .lattice import lattice_step
+from .magnitude import refuse_absurd
 from .noise import white_noise_std
 from .segment import Segment, split_blocks, split_runs
 
@@ -150,6 +151,7 @@ class Record:
                     f"{values[bad]} is not finite",
                     "repair it, or cut it out",
                 )
+            refuse_absurd(name, key, values)
         if n < 2:
             raise InputError(name, "channels", f"there are {n} samples", "give at least two")
         canonical = canonical_of(plants, vehicle)

@@ -18,7 +18,7 @@ from .body_search import search_body
 from .found import Search
 from .leftover import breaks_where_judged, is_another, only_where_judged
 from .noise import KnownNoise
-from .prepare import body_of, stage_of
+from .prepare import FEWEST, body_of, stage_of, stands
 from .result import Diagnosis
 from .runs import Runs, lay_out, slower
 from .search import search
@@ -200,7 +200,7 @@ def _stage(
         if not moved and refused is not None:
             raise refused
     stage = stage_of(runs, spec, noise)
-    if stage.mask.sum() < 80:
+    if stage.mask.sum() < FEWEST:
         problem = f"only {int(stage.mask.sum())} samples of {spec.output} to fit"
         raise InputError(records[0].name, spec.output, problem, "give a longer log")
     return stage
@@ -209,7 +209,11 @@ def _stage(
 def _why_no_body(records: Sequence[Record]) -> str:
     if records[0].vehicle is None:
         return "Without a [vehicle] there is no body to look at: yaw rate and pose were left aside."
+    if all("v" in record for record in records) and stands(records):
+        return (
+            "The vehicle stands in these logs: of the body, the road and the sensors none is seen."
+        )
     return (
         "The body, the road and the sensors could not be looked at: that needs a speed and a "
-        "steering angle, and beside them a yaw rate or a pose."
+        "steering angle, and beside them a yaw rate or a pose, for a few seconds without a gap."
     )

@@ -1,5 +1,6 @@
 """From runs to stages: what causes may act in a plant and in a body, and the sizes of signals."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import jax.numpy as jnp
@@ -7,6 +8,7 @@ import numpy as np
 
 from ..config import PlantSpec
 from ..data.noise import white_noise_std
+from ..data.record import Record
 from ..effects import ACTUATOR, AbstractEffect, Scales, Signals
 from ..models.bicycle import Bicycle
 from .angle import derived, steering_angle, yaw_rate_bias
@@ -29,6 +31,7 @@ _SESSION = {"gain_drift over session", "regime_change over session"}
 _VEHICLES_ONLY = {"cross_coupling", "speed_dependent_gain", "drag", "road_grade"}
 _BOTH_WAYS = {"offset by travel"}
 _PLANTS_ONLY = {"gain_nonlinearity by stiffness"}  # of a speed that is drag
+FEWEST = 80  # samples that a fit needs
 _REVERSED = 0.05  # of the time, that a vehicle moves the other way if it moves both ways
 
 
@@ -161,7 +164,7 @@ def _lag(u: np.ndarray, keep: float) -> np.ndarray:
 
 def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
     """The stage of the body; None where neither yaw rate nor pose can be set against speed and
-    angle."""
+    angle, or the vehicle stands."""
     vehicle = runs.records[0].vehicle
     angle = steering_angle(runs)
     channels = set.intersection(*(set(r.channels) for r in runs.records))
@@ -175,6 +178,8 @@ def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
     measured, mask, held_out = {}, {}, {}
     held = runs.held()
     moving = runs.seen("v") & angle[1] & _inside(runs)
+    if stands(runs.records):
+        return None
     if told:
         measured["r"] = runs.channel("r")
         mask["r"], held_out["r"] = (moving & runs.seen("r") & part for part in (~held, held))
@@ -190,6 +195,8 @@ def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
             measured[c] = values
             mask[c] = whole & ~held & ~np.roll(held, -window, axis=1)
             held_out[c] = whole & held
+    if max(int(own.sum()) for own in mask.values()) < FEWEST:
+        return None
     v, delta = runs.channel("v"), angle[0]
     smooth = {}
     for name, values, known in (("v", v, runs.seen("v")), ("delta", delta, angle[1])):
@@ -203,6 +210,14 @@ def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
         measured, mask, held_out, bicycle, runs.dt, by_yaw_rate, repeats=repeats(runs),
         yaw_bias=0.0 if "delta" in channels else yaw_rate_bias(runs),
     )  # fmt: skip
+
+
+def stands(records: Sequence[Record]) -> bool:
+    """Whether a vehicle never moves: its speed is zero, or nothing but noise around it."""
+    pieces = [r["v"][s.start : s.stop] for r in records for s in r.segments]
+    size = np.sqrt(np.mean(np.concatenate(pieces) ** 2))
+    noise = white_noise_std(pieces)
+    return bool(size <= 1.2 * noise) or not size
 
 
 def _inside(runs: Runs) -> np.ndarray:

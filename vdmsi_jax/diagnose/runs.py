@@ -8,9 +8,11 @@ from jaxtyping import Float
 
 from ..data.record import Record
 from ..data.segment import Segment
+from ..errors import InputError
 from .held_out import judges
 
 _LONGEST = 6000  # samples of a run that are simulated at once; longer ones are cut
+_SHORTEST = 40  # samples of a run that is looked at
 _MOST = 15_000  # samples that are looked at; of more, stretches spread over all of them are
 _STRETCH = 2000  # samples of such a stretch
 _MOST_RUNS = 24  # that are looked at
@@ -131,7 +133,11 @@ def slower(record: Record) -> Record:
 def lay_out(records: Sequence[Record], whole: bool = True, others: bool = False) -> Runs:
     """Put the segments of records side by side and choose what is held out: a third of the records,
     or, where none can judge the others or whole ones shall not, three tenths of each segment that
-    lie apart, since its end may show another regime; `others`, where the usual ones shall not."""
+    lie apart, since its end may show another regime; `others`, where the usual ones shall not.
+
+    Raises:
+        InputError: every stretch is too short.
+    """
     pieces = []
     judging = judges(records) if whole else None
     many = sum(len(s) for r in records for s in r.segments) > _MOST
@@ -158,7 +164,11 @@ def lay_out(records: Sequence[Record], whole: bool = True, others: bool = False)
                     )
                 )
     longest = max(p[3] - p[2] for p in pieces)
-    long = [p for p in pieces if p[3] - p[2] >= max(40, longest // 20)]
+    long = [p for p in pieces if p[3] - p[2] >= max(_SHORTEST, longest // 20)]
+    if not long:
+        problem = f"the longest stretch without a gap has {longest} samples"
+        mend = f"give logs of {_SHORTEST} or more, or mend their gaps"
+        raise InputError(", ".join(r.name for r in records), "length", problem, mend)
     most = min(_MOST_RUNS, _MOST // (longest if many else 1))
     if len(long) > most:
         picked = np.unique(np.linspace(0, len(long) - 1, most).astype(int))

@@ -41,6 +41,7 @@ def order_grid(
         raise InputError(record.name, "[identify] zeros", problem, "allow fewer zeros")
     longest = _longest_delay(record, options)
     measured = record.measured(plant.output)
+    _refuse_too_short(record, plant, measured & ~held_out, max(n for n, _ in proper))
     scale, delays = _scale(record, plant, measured & ~held_out, longest)
     samples, where = lay_out(record, plant, scale, measured & ~held_out)
     bounds = {"longest_delay": float(longest) or None, "offset": options.offset}
@@ -78,6 +79,18 @@ def order_grid(
     }
     chosen, by_bic = choose(grid, options.fit_loss)
     return OrderGrid(plant, record, held_out, grid, chosen, by_bic, options.fit_loss)
+
+
+def _refuse_too_short(
+    record: Record, plant: PlantSpec, counts: NDArray[np.bool_], poles: int
+) -> None:
+    """Refuse a record with fewer samples than an order with so many poles has unknowns: its
+    coefficients, a delay, an offset, and where each segment starts."""
+    unknown = 2 * poles + 3 + poles * len(record.segments)
+    if counts.sum() <= unknown:
+        problem = f"{int(counts.sum())} samples to fit, and up to {unknown} unknowns"
+        mend = "give a longer log, or fewer [identify] poles"
+        raise InputError(record.name, plant.output, problem, mend)
 
 
 def choose(fits: Mapping[str, Fit], fit_loss: float) -> tuple[str, str]:
