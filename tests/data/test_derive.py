@@ -97,18 +97,33 @@ def test_an_angle_needs_speed_somewhere(tmp_path):
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
-def test_speed_and_yaw_rate_from_the_pose(tmp_path, direction):
-    """A circle of 2 m at 1.5 m/s, forward and in reverse."""
+@pytest.mark.parametrize("window", [0.04, 0.4])
+def test_speed_and_yaw_rate_from_the_pose(tmp_path, direction, window):
+    """A circle of 2 m at 1.5 m/s, forward and in reverse. A parabola cuts it short, which is put
+    right; at both ends it looks to one side only."""
     t = 0.01 * np.arange(600)
     turn = direction * 0.75
     psi = 0.4 + turn * t
     x, y = 2.0 * np.sin(psi), -2.0 * np.cos(psi)
     wrapped = (psi + np.pi) % (2 * np.pi) - np.pi
-    rules = {"v": {"rule": "speed_from_pose"}, "r": {"rule": "yaw_rate_from_heading"}}
+    rules = {"v": "speed_from_pose", "r": "yaw_rate_from_heading"}
+    rules = {name: {"rule": rule, "window": window} for name, rule in rules.items()}
     log = log_of(tmp_path, {"t": t, "x": x, "y": y, "psi": wrapped}, **rules)
-    # a parabola over five samples cuts a circle by (ω h)² of its speed
-    np.testing.assert_allclose(log["v"], direction * 1.5, rtol=1e-3)
+    ends, told = round(50 * window), log.measured("v")
+    assert told[ends:-ends].all() and not told[:ends].any() and not told[-ends:].any()
+    np.testing.assert_allclose(log["v"][told], direction * 1.5, rtol=1e-6)
     np.testing.assert_allclose(log["r"], turn, rtol=1e-9)
+
+
+def test_the_noise_of_a_pose_does_not_add_to_the_speed_of_a_vehicle(tmp_path):
+    """A mean speed of 0.2 m/s, told by positions with noise of 2 mm at 100 Hz, over 50 ms."""
+    t = 0.01 * np.arange(6000)
+    x, y = 0.002 * np.random.default_rng(0).standard_normal((2, t.size))
+    rules = {"v": {"rule": "speed_from_pose", "window": 0.04}}
+    columns = {"t": t, "x": 0.2 * t + x, "y": y, "psi": np.zeros(t.size)}
+    assert log_of(tmp_path, columns, **rules)["v"].mean() > 0.21
+    vehicle = VehicleGeometry(0.5, 0.5)
+    assert log_of(tmp_path, columns, vehicle, **rules)["v"].mean() == pytest.approx(0.2, rel=2e-3)
 
 
 def test_acceleration_from_speed(tmp_path):

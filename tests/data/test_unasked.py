@@ -66,3 +66,15 @@ def test_what_was_measured_or_configured_is_left_alone(drive, tmp_path):
     assert "r" not in measured and not measured.repairs
     paired = '[[plants]]\nname = "course"\ninput = "delta_cmd"\noutput = "psi"\n'
     assert "v" not in read(drive, tmp_path, POSED, paired)
+
+
+def test_logs_of_one_vehicle_are_differentiated_alike(drive, tmp_path):
+    """Or else their noise would differ, which looks like a fault in some of them."""
+    paths = []
+    for name, noise in (("quiet", 0.0), ("noisy", 0.02)):
+        (tmp_path / name).mkdir()
+        read(drive, tmp_path / name, POSED, noise=noise)
+        paths.append(tmp_path / name / "run.csv")
+    alone = [vj.read_log(path).windows for path in paths]
+    assert alone[0]["v"] < alone[1]["v"] and alone[0]["r"] < alone[1]["r"]
+    assert [record.windows for record in vj.read_logs(paths)] == [alone[1]] * 2

@@ -121,6 +121,22 @@ def test_a_steering_angle_that_was_not_logged_is_told_from_the_yaw_rate():
     json.dumps(diagnosis_document(found), allow_nan=False)
 
 
+@pytest.mark.parametrize("cause", [(), (("offset", "steering"),)])
+def test_poses_alone_show_what_is_there_and_no_more(tmp_path, cause):
+    """Speed and angle are made of the pose: that makes no fault, and hides none."""
+    drive = generate([Case(cause=cause, seed=3, duration=30.0)])[0]
+    geometry = "[vehicle]\nl_f = {}\nl_r = {}\n".format(*drive.geometry)
+    (tmp_path / "vehicle.toml").write_text(geometry)
+    names, paths = ("t", "v_cmd", "delta_cmd", "x", "y", "psi"), []
+    for k, run in enumerate(drive.runs):
+        paths.append(tmp_path / f"run_{k}.csv")
+        table = np.stack([run[name] for name in names], axis=1)
+        np.savetxt(paths[-1], table, delimiter=",", header=",".join(names), comments="")
+    found = vj.diagnose(vj.read_logs(paths))
+    assert tuple((f.cause, f.where) for f in found.findings) == cause
+    assert found.verdict == ("explained" if cause else "no_effect")
+
+
 def test_a_body_whose_lag_stands_at_its_bound_has_its_fit_as_it_is():
     n, dt = 1500, 0.02
     rng = np.random.default_rng(2)

@@ -1,5 +1,7 @@
 """Causes of a single plant, in logs made by plain NumPy at a millisecond."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -359,3 +361,21 @@ def test_a_motor_that_swings_against_a_flywheel_has_a_mode_and_an_anti_resonance
     (finding,) = vj.diagnose(masses(2, coupled=True)).findings
     assert finding.cause == "resonance"
     assert finding.parameters["weight"].value < 0.0
+
+
+def test_a_run_whose_first_samples_are_missing_began_where_they_end():
+    """A lag of half a second that does not begin at rest; a fifth of a second is not measured."""
+    rng, made, lost = np.random.default_rng(1), [], np.arange(2000) < 10
+    for run in range(3):
+        u = np.repeat(rng.uniform(0.0, 4.0, 40), 50)
+        x, y = u[0] + 3.0, []
+        for command in u:
+            y.append(x)
+            x = command + (x - command) * np.exp(-DT / 0.5)
+        w = np.where(lost, 0.0, y) + 0.05 * rng.standard_normal(2000)
+        plant = vj.PlantSpec("motor", "u", "w")
+        record = vj.Record.from_arrays(dt=DT, name=f"{run}", plants=(plant,), u=u, w=w)
+        made.append(replace(record, filled={"w": lost}))
+    found = vj.diagnose(made)
+    assert found.verdict == "no_effect" and not found.findings
+    assert found.channels["w"].fit > 93.0

@@ -38,12 +38,13 @@ _ROUNDING = 0.02  # how far the period of an uneven log may move to become a rou
 _BETWEEN_RUNS = 1.0  # s between runs whose clocks restarted
 
 
-def prepare(raw: Raw, config: Config) -> Record:
+def prepare(raw: Raw, config: Config, windows: Mapping[str, float] | None = None) -> Record:
     """Make a record of a table.
 
     Args:
         raw: the table.
         config: its `[prepare]`, `[derive]`, `[vehicle]` and `[[plants]]` are used.
+        windows: least lengths of parabolas, see `Record.windows`.
 
     Raises:
         InputError: the log is refused: too short, time that does not rise, missing cells, nothing
@@ -75,10 +76,10 @@ def prepare(raw: Raw, config: Config) -> Record:
     cut_gaps(rows, gap)
     for name, values in raw.channels.items():
         refuse_absurd(raw.source, f"column {raw.columns[name]!r}", values[rows.index])
-    return _assemble(rows, config, period)
+    return _assemble(rows, config, period, windows or {})
 
 
-def _assemble(rows: Rows, config: Config, period: float) -> Record:
+def _assemble(rows: Rows, config: Config, period: float, windows: Mapping[str, float]) -> Record:
     """Lay each piece on its grid, join them, and derive what follows from them."""
     raw = rows.raw
     pieces, grids, dt = _grids(rows, config, period)
@@ -105,7 +106,7 @@ def _assemble(rows: Rows, config: Config, period: float) -> Record:
     samples = [segment.samples for segment in segments]
     channels = Channels(values, filled, units, samples, dt, t, rows.told)
     derive(channels, config.derive, config.vehicle, source=config.source, log=raw.source)
-    more = unasked(channels, config)
+    more = unasked(channels, config, windows)
     derive(channels, more, config.vehicle, source=config.source, log=raw.source)
     return Record(
         name=raw.name,
@@ -119,6 +120,7 @@ def _assemble(rows: Rows, config: Config, period: float) -> Record:
         plants=_plants(config, channels.values),
         filled=channels.filled,
         steps={} if all(grid.even for grid in grids) else _steps(rows, config),
+        windows={name: how.window for name, how in more.items() if how.window is not None},
     )
 
 

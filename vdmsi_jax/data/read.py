@@ -44,8 +44,11 @@ def read_log(path: str | Path, config: str | Path | Config | None = None) -> Rec
         InputError: the log or its configuration is refused; the message names the file, the line or
             key, and the mend.
     """
-    path = Path(path)
-    config = config_of(path, config)
+    return _read(Path(path), config_of(path, config), {})
+
+
+def _read(path: Path, config: Config, windows: Mapping[str, float]) -> Record:
+    """`read_log`, with the least lengths of parabolas that make channels of the pose."""
     where = _where(config)
     table = _open_table(path)
     columns = _columns(config, table.names, path)
@@ -69,7 +72,7 @@ def read_log(path: str | Path, config: str | Path | Config | None = None) -> Rec
         columns=columns,
         line=table.line,
     )
-    return prepare(raw, config)
+    return prepare(raw, config, windows)
 
 
 def read_logs(
@@ -84,7 +87,8 @@ def read_logs(
     Returns:
         A record for each file, with different names: the file's, with its folder's before it where
         two are alike, and a number behind where these are, too. All have one sample period: that of
-        `[prepare] dt`, or else the longest of the logs' own.
+        `[prepare] dt`, or else the longest of the logs' own. What is made of the pose where nobody
+        asked is made alike.
 
     Raises:
         InputError: a log or the configuration is refused, or no file is given.
@@ -112,16 +116,25 @@ def _told_apart(names: Sequence[str], folders: Sequence[str]) -> list[str]:
 def _in_step(
     records: Sequence[Record], files: Sequence[Path], config: str | Path | Config | None
 ) -> list[Record]:
-    """The records with the longest of their sample periods: those of other ones are read anew. Logs
-    with uneven stamps hardly ever agree by themselves."""
+    """The records with the longest of their sample periods and of the parabolas that make channels
+    of the pose: those of other ones are read anew. Logs with uneven stamps hardly ever agree by
+    themselves, and neither does what noise asks of a parabola."""
     dt = max(record.dt for record in records)
+    windows: dict[str, float] = {}
+    for record in records:
+        for name, window in record.windows.items():
+            windows[name] = max(window, windows.get(name, 0.0))
+
+    def agrees(record: Record) -> bool:
+        longest = [np.isclose(own, windows[name]) for name, own in record.windows.items()]
+        return bool(np.isclose(record.dt, dt, rtol=1e-9) and all(longest))
 
     def again(file: Path) -> Record:
         own = config_of(file, config)
-        return read_log(file, replace(own, prepare=replace(own.prepare, dt=dt)))
+        return _read(file, replace(own, prepare=replace(own.prepare, dt=dt)), windows)
 
     return [
-        record if np.isclose(record.dt, dt, rtol=1e-9) else again(file)
+        record if agrees(record) else again(file)
         for record, file in zip(records, files, strict=True)
     ]
 

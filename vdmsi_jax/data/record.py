@@ -42,6 +42,7 @@ class Record:
             without one has none.
         steps: name -> size of the steps in which a measurement was logged, where resampling has
             smoothed them.
+        windows: name -> length of the parabola that made it of the pose, s, where nobody asked.
         session: time at which it begins of the session that it is a part of, s; zero where it
             stands alone.
     """
@@ -57,6 +58,7 @@ class Record:
     plants: tuple[PlantSpec, ...] = ()
     filled: Mapping[str, Bool[np.ndarray, " N"]] = field(default_factory=dict)
     steps: Mapping[str, float] = field(default_factory=dict)
+    windows: Mapping[str, float] = field(default_factory=dict)
     session: float = 0.0
 
     def __post_init__(self):
@@ -64,7 +66,7 @@ class Record:
         for name, dtype in (("channels", np.float64), ("filled", np.bool_)):
             arrays = {key: _frozen(values, dtype) for key, values in getattr(self, name).items()}
             object.__setattr__(self, name, types.MappingProxyType(arrays))
-        for name in ("units", "steps"):
+        for name in ("units", "steps", "windows"):
             plain = types.MappingProxyType(dict(getattr(self, name)))
             object.__setattr__(self, name, plain)
         edges = [0, *(segment.stop for segment in self.segments)]
@@ -89,6 +91,7 @@ class Record:
             *plain,
             dict(self.filled),
             dict(self.steps),
+            dict(self.windows),
             self.session,
         )
         return type(self), own

@@ -10,16 +10,20 @@ from .derive import Channels
 from .noise import white_noise_std
 
 _SHORTEST, _LONGEST = 5, 0.5  # samples; s
-_CLEAR = 0.05  # noise of a slope, of the spread of the command that it answers to
-_SLOW = 0.3  # m/s, or of the speed where all is slow: below it no steering angle is told
+_CLEAR = 0.1  # noise of a slope, of the spread of the command that it answers to
+_SLOW = 0.25  # of the highest speed, below which noise drowns the steering angle
 
 
-def unasked(channels: Channels, config: Config) -> Mapping[str, Derivation]:
+def unasked(
+    channels: Channels, config: Config, least: Mapping[str, float]
+) -> Mapping[str, Derivation]:
     """Derivations of what is missing, in their order.
 
     Args:
         channels: what there is; a sentence about what will be derived is added.
         config: whose pairs of channels are left as they are, where it names some.
+        least: of the parabolas that differentiate, s; those of other logs of the vehicle, so that
+            the noise of all is alike.
     """
     there, vehicle = set(channels.values), config.vehicle
     if vehicle is None or config.plants or "psi" not in there:
@@ -28,15 +32,16 @@ def unasked(channels: Channels, config: Config) -> Mapping[str, Derivation]:
     if "v" not in there:
         if not {"x", "y", "v_cmd"} <= there:
             return {}
-        made["v"] = Derivation("speed_from_pose", window=_window(channels, "x", "v_cmd"))
+        window = max(_window(channels, "x", "v_cmd"), least.get("v", 0.0))
+        made["v"] = Derivation("speed_from_pose", window=window)
     if "delta_cmd" in there and not {"delta", "r"} & there:
         speed = channels.values["v" if "v" in there else "v_cmd"]
         fast = float(np.quantile(np.abs(speed), 0.95))
         window = _window(channels, "psi", "delta_cmd", fast / abs(vehicle.wheelbase))
+        window = max(window, least.get("r", 0.0))
         made["r"] = Derivation("yaw_rate_from_heading", window=window)
-        slow = min(_SLOW, _SLOW * fast)
-        if slow > 0.0:
-            made["delta"] = Derivation("steering_from_yaw_rate", min_speed=slow)
+        if fast > 0.0:
+            made["delta"] = Derivation("steering_from_yaw_rate", min_speed=_SLOW * fast)
     if made:
         windows = [how.window for how in made.values() if how.window is not None]
         channels.told.append(

@@ -123,7 +123,7 @@ class Lane:
     drift: float = 0.0  # gain since they were taken
     white_error: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))  # (R, N)
     energy: float = 0.0  # of it
-    white_states: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))  # (n, N)
+    white_states: np.ndarray = field(default_factory=lambda: np.zeros((1, 0, 0)))
     white_slopes: np.ndarray | None = None
 
     def leave(self, white_error: np.ndarray) -> None:
@@ -227,7 +227,7 @@ def project(
     stage: Stage, lane: Lane, counted: np.ndarray, rows: Float[np.ndarray, "q R N"]
 ) -> Float[np.ndarray, "q q"]:
     """Products of white rows, what the best free states of each run explain taken out."""
-    prior = _prior(stage, lane, counted) * np.eye(len(lane.white_states))
+    prior = _prior(stage, lane, counted) * np.eye(lane.white_states.shape[1])
     own, f = np.swapaxes(rows, 0, 1), lane.white_states * counted[:, None]
     across, turned = own @ np.swapaxes(f, 1, 2), np.swapaxes(own, 1, 2)
     states = np.linalg.solve(f @ np.swapaxes(f, 1, 2) + prior, np.swapaxes(across, 1, 2))
@@ -236,10 +236,19 @@ def project(
 
 def repaint(stage: Stage, lane: Lane, counted: np.ndarray) -> None:
     """Whiten all of a lane by its colour."""
-    lane.white_states = whiten(lane.states.T[None], lane.colour[None])[0]
+    lane.white_states = white_states(stage, lane)
     lane.leave(whitened(residual(stage, lane.y), lane, counted))
     if lane.slopes is not None:
         lane.white_slopes = whitened(lane.slopes, lane, counted)
+
+
+def white_states(stage: Stage, lane: Lane) -> Float[np.ndarray, "one_or_R n N"]:
+    """Responses to the states at the starts, whitened; run by run where the first samples of some
+    do not count: the residual is zero there, and so are they."""
+    rows = lane.states.T[None]
+    if stage.late.any():
+        rows = np.where(np.maximum.accumulate(stage.mask, axis=1)[:, None], rows, 0.0)
+    return whiten(rows[None], lane.colour[None])[0]
 
 
 def with_states(stage: Stage, lane: Lane, counted: np.ndarray) -> Float[np.ndarray, "R N"]:
@@ -249,7 +258,7 @@ def with_states(stage: Stage, lane: Lane, counted: np.ndarray) -> Float[np.ndarr
 
 def free_states(stage: Stage, lane: Lane, counted: np.ndarray) -> Float[np.ndarray, "R n"]:
     """The states at the start of each run that fit best."""
-    prior = _prior(stage, lane, counted) * np.eye(len(lane.white_states))
+    prior = _prior(stage, lane, counted) * np.eye(lane.white_states.shape[1])
     f = lane.white_states * counted[:, None]
     toward = f @ lane.white_error[..., None]
     return np.linalg.solve(f @ np.swapaxes(f, 1, 2) + prior, toward)[..., 0]

@@ -111,7 +111,8 @@ def _begun(stage: Stage, lane: Lane, y: np.ndarray, run: int) -> np.ndarray:
     """The states at the start of a run that no fit has seen that fit best."""
     use = stage.held_out[run]
     e = whiten(np.where(use, stage.y[run] - y, 0.0)[None, None], lane.colour[None])[0, 0]
-    f = lane.white_states * use
+    rows = np.where(np.maximum.accumulate(use), lane.states.T, 0.0)
+    f = whiten(rows[None], lane.colour[None])[0] * use
     prior = float(np.mean(e[use] ** 2)) / (FREE_STATE * stage.scales.response) ** 2
     return np.linalg.solve(f @ f.T + prior * np.eye(len(f)), f @ e)
 

@@ -30,6 +30,7 @@ from .hypothesis import (
     states_of,
     unlikely,
     usable,
+    white_states,
     whitened,
     with_states,
 )
@@ -205,7 +206,7 @@ def _move(
     lane.leave(white)
     lane.hypothesis = replace(lane.hypothesis, theta=theta)
     lane.states = states_of(stage, lane.hypothesis)
-    lane.white_states = whiten(lane.states.T[None], lane.colour[None])[0]
+    lane.white_states = white_states(stage, lane)
 
 
 def _recolour(stage: Stage, lanes: list[Lane], counted: np.ndarray) -> None:

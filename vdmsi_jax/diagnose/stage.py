@@ -31,6 +31,7 @@ PER_RUN = ("t", "v", "other", "distance", "begun")  # of the signals
 FIRST_CAUSE = LEADS[-1] + 1  # where the parameters of causes begin
 MOST_LEAD = 30.0
 _PAIRS = 32  # of a vector and a run, that the compiled program simulates side by side
+_START = 0.5  # s, in which a first measurement tells where a run began
 _MOST_USUAL = 1e3  # sizes that a parameter usually has, beyond which none is looked for
 
 
@@ -223,9 +224,16 @@ class Stage:
 
     @cached_property
     def level(self) -> Float[np.ndarray, " R"]:
-        """Measured response at the first row of each run, where the plant is taken to have rested;
-        NaN where it was not measured."""
-        return np.where((self.mask | self.held_out)[:, 0], self.y[:, 0], np.nan)
+        """Measured response at the start of each run, where the plant is taken to have rested; NaN
+        where it was not measured there."""
+        known = (self.mask | self.held_out)[:, : max(1, round(_START / self.dt))]
+        first = np.argmax(known, axis=1)
+        return np.where(known.any(axis=1), self.y[np.arange(len(first)), first], np.nan)
+
+    @cached_property
+    def late(self) -> Bool[np.ndarray, " R"]:
+        """The runs of which something counts, and not the first sample."""
+        return self.mask.any(axis=1) & ~self.mask[:, 0]
 
     @cached_property
     def _by_rows(self) -> "tuple[_Group, ...]":
