@@ -124,6 +124,11 @@ def test_a_column_that_the_configuration_names_is_missing(tmp_path):
         ("[select]\nwhere = 'v == \"fast\"'", ["[select] where", "compared with a text"]),
         ("[select]\nwhere = 'open(v)'", ["[select] where", "unknown function"]),
         ("[prepare]\ndt = 1e-9", ["[prepare] dt", "1e-09 s", "0.01 s between rows"]),
+        (
+            "[units]\nv = 'm/s'\n[sign]\ndelta = 1\n[columns]\ndelta = 't'\nt = 't'\n"
+            "[vehicle]\nl_f = 1\nl_r = 1",
+            ["column 't'", "1.97 rad", '[units] delta = "deg"'],
+        ),
         ("[prepare]\nhold = ['pedal']", ["[prepare] hold", "'pedal'"]),
         (
             "[derive]\na = 'acceleration_from_speed'\nz = { expression = 'b', unit = '1' }",

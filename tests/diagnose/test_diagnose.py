@@ -216,6 +216,25 @@ def test_a_vehicle_that_stands_has_no_body(noise):
     assert any("stands" in told for told in found.unseen)
 
 
+def test_a_dead_sensor_is_left_out(logs):
+    """A yaw rate of zero throughout; it had been told as a late angle."""
+    dead = [replace(r, channels=r.channels | {"r": np.zeros(r.n)}) for r in logs]
+    found = vj.diagnose(dead)
+    assert [(f.cause, f.where) for f in found.findings] == [("backlash", "steering")]
+    assert any(told.startswith("r never changes") for told in found.unseen)
+    assert "r" not in found.records[0]
+
+
+def test_a_command_that_is_logged_as_its_own_response_is_refused(logs):
+    u = np.repeat(np.random.default_rng(0).normal(size=20), 20)
+    with pytest.raises(vj.InputError, match="w is u in every sample"):
+        vj.diagnose(plant_log(u, u))
+    echo = [replace(r, channels=r.channels | {"v": r["v_cmd"]}) for r in logs]
+    found = vj.diagnose(echo)
+    assert any("v is v_cmd in every sample" in told for told in found.unseen)
+    assert ("backlash", "steering") in [(f.cause, f.where) for f in found.findings]
+
+
 def test_a_bias_of_the_yaw_rate_is_told_where_the_angle_is_made_of_it(logs):
     """The heading tells it; else the angle would have an offset that changes with the speed."""
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from ..config import CANONICAL, DEFAULT_PLANTS, Config, PlantSpec
+from ..config import CANONICAL, DEFAULT_PLANTS, STEERING_CHANNELS, Config, PlantSpec
 from ..errors import InputError, nearest
 from ..units import si_symbol
 from .derive import Channels, derive
@@ -35,6 +35,7 @@ from .unasked import unasked
 _FINEST = 100  # samples that may be made of one row
 _DEFAULT_GAP = 5.0  # sample periods
 _ROUNDING = 0.02  # how far the period of an uneven log may move to become a rounder number
+_WIDEST = 0.5 * np.pi  # rad, that a wheel is turned
 _BETWEEN_RUNS = 1.0  # s between runs whose clocks restarted
 
 
@@ -75,8 +76,20 @@ def prepare(raw: Raw, config: Config, windows: Mapping[str, float] | None = None
     cut_warm_up(rows, config)
     cut_gaps(rows, gap)
     for name, values in raw.channels.items():
-        refuse_absurd(raw.source, f"column {raw.columns[name]!r}", values[rows.index])
+        place = f"column {raw.columns[name]!r}"
+        refuse_absurd(raw.source, place, values[rows.index])
+        if name in STEERING_CHANNELS and config.vehicle is not None:
+            _refuse_degrees(raw.source, place, name, values[rows.index])
     return _assemble(rows, config, period, windows or {})
+
+
+def _refuse_degrees(source: str, place: str, name: str, angles: np.ndarray) -> None:
+    """Refuse angles that no road wheel has."""
+    usual = float(np.nanquantile(np.abs(angles), 0.99))
+    if usual > _WIDEST:
+        problem = f"a steering angle of {usual:.3g} rad turns wheels beyond across"
+        mend = f'say so if it is in degrees, [units] {name} = "deg", or name a road-wheel angle'
+        raise InputError(source, place, problem, mend)
 
 
 def _assemble(rows: Rows, config: Config, period: float, windows: Mapping[str, float]) -> Record:

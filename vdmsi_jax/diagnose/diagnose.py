@@ -63,6 +63,7 @@ def _diagnose(
 ) -> Diagnosis:
     several = [records] if isinstance(records, Record) else list(records)
     several, copies = _once(_alike(several, vehicle))
+    several, dead = _alive(several)
     several = [slower(record) for record in several]
     if not any(record.session for record in several):
         several = in_session(several)
@@ -92,7 +93,7 @@ def _diagnose(
         apart = lay_out(several, whole=False, others=True)
         other = _evidence(several, apart, plants, noise, say).diagnosis()
         found = other if _changes(other) >= max(_changes(found), 1) else found
-    return replace(found, unseen=(*copies, *found.unseen))
+    return replace(found, unseen=(*copies, *dead, *found.unseen))
 
 
 def _changes(found: Diagnosis) -> int:
@@ -160,6 +161,26 @@ def _once(records: list[Record]) -> tuple[list[Record], list[str]]:
     return kept, told
 
 
+def _alive(records: list[Record]) -> tuple[list[Record], list[str]]:
+    """The records without the yaw rate or the pose of a sensor that never moved, which would be
+    blamed on the vehicle, and what is left out."""
+    told, gone = [], set[str]()
+    for sensor in (("r",), ("x", "y", "psi")):
+        known = [[record[c] for c in sensor if c in record] for record in records]
+        if any(known) and all(np.ptp(x) == 0.0 for own in known for x in own):
+            gone |= set(sensor)
+            said = " and ".join(sensor)
+            never = "never changes" if len(sensor) == 1 else "never change"
+            told.append(f"{said} {never}, as of a sensor that is dead: left out.")
+    if not gone:
+        return records, []
+
+    def kept(values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        return {c: x for c, x in values.items() if c not in gone}
+
+    return [replace(r, channels=kept(r.channels), filled=kept(r.filled)) for r in records], told
+
+
 def _same(one: Record, other: Record) -> bool:
     """Whether two records hold the same numbers."""
     alike = one.n == other.n and one.channels.keys() == other.channels.keys()
@@ -199,6 +220,10 @@ def _stage(
                 refused = why
         if not moved and refused is not None:
             raise refused
+    if all(spec.output in r and np.array_equal(r[spec.input], r[spec.output]) for r in records):
+        problem = f"{spec.output} is {spec.input} in every sample, an echo and no measurement"
+        mend = "name the column that was measured"
+        raise InputError(records[0].name, spec.output, problem, mend)
     stage = stage_of(runs, spec, noise)
     if stage.mask.sum() < FEWEST:
         problem = f"only {int(stage.mask.sum())} samples of {spec.output} to fit"
