@@ -34,6 +34,7 @@ CANONICAL = {
 README)."""
 
 _POSE = ("x", "y", "psi")
+_SHORTEST, _LONGEST = 1e-3, 100.0  # m, of a wheelbase
 
 STEERING_CHANNELS = ("delta_cmd", "delta")
 """Road-wheel angles. They may be logged as the curvature of the path, which the wheelbase turns
@@ -67,8 +68,9 @@ class VehicleGeometry:
         problem = f"{self.l_f} and l_r = {self.l_r} lie on the same side"
         mend = "give metres, zero or more; both negative where the steered axle is behind"
         _require(self.l_f * self.l_r >= 0.0, self, "l_f", problem, mend)
-        problem = "the wheelbase l_f + l_r is zero"
-        _require(self.wheelbase != 0.0, self, "l_f", problem, "give the distances in metres")
+        problem = f"l_f + l_r = {self.wheelbase:g} m is no wheelbase"
+        fine = _SHORTEST <= abs(self.wheelbase) <= _LONGEST
+        _require(fine, self, "l_f", problem, "give the distances in metres")
         fine = (self.reference_point == "sensor") == (self.lever_arm is not None)
         problem = f"does not go with reference_point = {self.reference_point!r}"
         mend = 'give it (m ahead of the centre of gravity) with "sensor", and only then'

@@ -61,6 +61,7 @@ def test_no_file_means_the_defaults():
         ("[vehicle]\nl_f = -1.0\nl_r = 1.0", ["[vehicle] l_f", "-1.0"]),
         ("[vehicle]\nl_f = nan\nl_r = 1.0", ["[vehicle] l_f", "nan"]),
         ("[vehicle]\nl_f = 0\nl_r = 0", ["[vehicle]", "wheelbase"]),
+        ("[vehicle]\nl_f = 150\nl_r = 150", ["[vehicle]", "300 m is no wheelbase"]),
         (
             "[vehicle]\nl_f = 1\nl_r = 1\nreference_point = 'rear axle'",
             ["reference_point", "did you mean 'rear_axle'", "cog"],

@@ -13,6 +13,7 @@ from hidden.generator import Case, generate
 from vdmsi_jax.diagnose.body import Body
 from vdmsi_jax.diagnose.body_fit import fit_body, robust
 from vdmsi_jax.diagnose.document import diagnosis_document
+from vdmsi_jax.diagnose.signs import turned_round
 
 DEMO = Path(__file__).parents[2] / "configs" / "demo" / "fault"
 TRUE_GAP = 0.020282853292926506  # rad, as configs/demo/make_fault.py prints it
@@ -159,6 +160,25 @@ def test_logs_that_do_not_go_together_are_refused(logs):
     other = vj.Record.from_arrays(dt=0.05, name="slow", v_cmd=np.arange(n) % 7.0, v=np.zeros(n))
     with pytest.raises(vj.InputError, match="sampled every"):
         vj.diagnose([*logs, other])
+
+
+def test_channels_that_some_logs_lack_are_told(logs):
+    alone = replace(logs[0], channels={c: logs[0][c] for c in ("v_cmd", "delta_cmd", "v")})
+    found = vj.diagnose([alone, *logs[1:]])
+    assert "run_1 lacks delta, r, x, y, psi: not looked at in any log." in found.unseen
+    assert set(found.channels) == {"v"}
+    other = replace(logs[1], channels={c: logs[1][c] for c in ("delta_cmd", "delta", "r")})
+    with pytest.raises(vj.InputError, match="run_1 lacks delta, r: not looked at"):
+        vj.diagnose([alone, other])
+
+
+def test_a_yaw_rate_of_the_other_sign_is_told(logs):
+    assert turned_round(logs) == []
+    turned = [replace(r, channels=r.channels | {"r": -r["r"]}) for r in logs]
+    (told,) = turned_round(turned)
+    assert told.startswith("r turns against") and "[sign] r = -1" in told
+    round_left = [replace(r, channels=r.channels | {"psi": -r["psi"]}) for r in logs]
+    assert "[sign] psi = -1" in turned_round(round_left)[0]
 
 
 def test_a_copy_of_a_drive_does_not_judge_it():

@@ -204,6 +204,15 @@ def test_fewer_samples_than_unknowns_are_refused(record):
     assert small(first, held_out=0.0).fits["P2Z1"].ok
 
 
+def test_a_command_that_changes_late_is_not_held_out(record):
+    """A fit of nothing had been scored: a FIT of -2e60 %."""
+    u = np.where(np.arange(1000) < 900, 0.0, 1.0)
+    y = known.response(known.POWERTRAIN, u, DT) + known.white(1000, NOISE, seed=3)
+    with pytest.warns(UserWarning, match="nothing is held out"):
+        grid = small(known.log(u, y, DT))
+    assert not grid.held_out.any() and np.isnan(grid.fits[grid.chosen].held_out_fit)
+
+
 def test_without_delay_or_offset(record):
     grid = small(record, delay=False, offset=False, held_out=0.0)
     fit = grid["P2Z1"]

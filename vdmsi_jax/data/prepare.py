@@ -167,7 +167,7 @@ def _grids(rows: Rows, config: Config, period: float) -> tuple[list[slice], list
     long = [k for k, grid in enumerate(grids) if grid.samples >= enough]
     if not long:
         problem = f"no stretch without a gap has the {enough} samples of {dt:g} s that are needed"
-        mend = "give a longer log, or change [prepare] gap or min_segment"
+        mend = "give a longer log, or change [prepare] dt, gap or min_segment"
         raise InputError(rows.raw.source, "", problem, mend)
     if len(long) < len(grids):
         lost = rows.index.size - sum(grids[k].position.size for k in long)

@@ -22,8 +22,11 @@ from .prepare import FEWEST, body_of, stage_of, stands
 from .result import Diagnosis
 from .runs import Runs, lay_out, slower
 from .search import search
+from .signs import turned_round
 from .stage import Stage
 from .verdict import Evidence
+
+_OF_A_VEHICLE = ("v_cmd", "delta_cmd", "v", "delta", "r", "x", "y", "psi")
 
 
 def diagnose(
@@ -93,7 +96,9 @@ def _diagnose(
         apart = lay_out(several, whole=False, others=True)
         other = _evidence(several, apart, plants, noise, say).diagnosis()
         found = other if _changes(other) >= max(_changes(found), 1) else found
-    return replace(found, unseen=(*copies, *dead, *found.unseen))
+    return replace(
+        found, unseen=(*copies, *dead, *_unshared(several), *turned_round(several), *found.unseen)
+    )
 
 
 def _changes(found: Diagnosis) -> int:
@@ -131,7 +136,8 @@ def _evidence(
     if not searches and bodily is None:
         names = ", ".join(record.name for record in several)
         mend = "name commands and responses in [columns], and pair them in [[plants]]"
-        raise InputError(names, "plants", unseen[0] if unseen else "nothing to diagnose", mend)
+        why = [*_unshared(several), *unseen, "nothing to diagnose"][0].rstrip(".")
+        raise InputError(names, "plants", why, mend)
     say("judging on the data held out")
     return Evidence(several, runs, searches, bodily, tuple(unseen))
 
@@ -179,6 +185,18 @@ def _alive(records: list[Record]) -> tuple[list[Record], list[str]]:
         return {c: x for c, x in values.items() if c not in gone}
 
     return [replace(r, channels=kept(r.channels), filled=kept(r.filled)) for r in records], told
+
+
+def _unshared(records: Sequence[Record]) -> list[str]:
+    """Which records lack channels that others have, so that they were left aside in all."""
+    plants = [c for r in records for p in r.plants for c in (p.input, p.output)]
+    every = dict.fromkeys(c for c in (*_OF_A_VEHICLE, *plants) if any(c in r for r in records))
+    lacking = {r.name: [c for c in every if c not in r] for r in records}
+    return [
+        f"{name} lacks {', '.join(missing)}: not looked at in any log."
+        for name, missing in lacking.items()
+        if missing
+    ]
 
 
 def _same(one: Record, other: Record) -> bool:

@@ -41,6 +41,7 @@ def identify(
     **Raises:** `InputError` where the channels are missing, do not move, or are too short.
 
     Works in the precision of JAX: in float32 (the default of JAX) a warning tells what it costs.
+    Nothing is held out, with a warning, where the rest would show no change of the command.
     """
     several = [records] if isinstance(records, Record) else list(records)
     record = several[0] if len(several) == 1 else Record.concatenate(several)
@@ -56,8 +57,16 @@ def identify(
             stacklevel=2,
         )
     make_room()
+    held_out = _held_out(record, options)
+    if held_out.any() and np.ptp(record[spec.input][~held_out]) == 0.0:
+        warnings.warn(
+            f"the command of {spec.name} changes only in what would be held out of {record.name}: "
+            f"nothing is held out",
+            stacklevel=2,
+        )
+        held_out = np.zeros(record.n, bool)
     with one_for_blas():
-        return order_grid(record, _held_out(record, options), spec, options)
+        return order_grid(record, held_out, spec, options)
 
 
 def _held_out(record: Record, options: IdentifyOptions) -> NDArray[np.bool_]:
