@@ -134,8 +134,8 @@ def _number(hint: type, given: float | int, source: str, place: str) -> float | 
     """A number, unless it is none (`nan`) or has more digits than arithmetic holds."""
     absurd = isinstance(given, int) and abs(given) > _LARGEST
     if absurd or given != given:
-        told = "a number of absurd size" if absurd else "nan"
-        raise InputError(source, place, f"{told} is no value", f"give {_describe(hint)}")
+        problem = "a number of absurd size" if absurd else "nan is not finite"
+        raise InputError(source, place, problem, f"give {_describe(hint)}")
     return hint(given)
 
 
