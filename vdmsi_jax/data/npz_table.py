@@ -44,9 +44,10 @@ class NpzTable(Table):
         with np.load(self.path, allow_pickle=False) as archive:
             for name in (*numbers, *texts):
                 try:
-                    if np.iscomplexobj(archive[name]):
+                    values = archive[name]  # reads the file
+                    if np.iscomplexobj(values):
                         raise TypeError("they are complex")
-                    columns[name] = archive[name].astype(np.float64 if name in numbers else str)
+                    columns[name] = values.astype(np.float64 if name in numbers else str)
                 except (ValueError, TypeError) as error:
                     raise InputError(
                         str(self.path),

@@ -26,8 +26,11 @@ _TOLD_BY = {"resonance": "share", "regime_change": "gain", swing.CAUSE: "sine"}
 def detectable(stage: Stage, at: Refit, units: tuple[str, str]) -> list[Detectable]:
     """Every cause that is not on: its first parameter at the smallest size that these logs would
     have shown, and the causes whose effects look alike."""
-    off = [number for number in stage.allowed if number not in at.hypothesis.active]
-    off = [number for number in off if stage.slots[number].effect.probes(stage.scales)]
+    off = [
+        number
+        for number in stage.allowed
+        if number not in at.hypothesis.active and stage.slots[number].effect.probes(stage.scales)
+    ]
     rungs = [(number, rung) for number in off for rung in _rungs(stage, number)]
     thetas = [_at_size(stage, at, number, rung) for number, rung in rungs]
     y = responses(stage, [replace(at.hypothesis, theta=theta) for theta in thetas])
