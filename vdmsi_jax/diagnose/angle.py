@@ -24,10 +24,9 @@ def steering_angle(runs: Runs) -> tuple[np.ndarray, np.ndarray] | None:
     seen = runs.seen("r") & runs.seen("v")
     usual = float(np.median(np.abs(v[seen]))) if seen.any() else 0.0
     known = (np.abs(v) > max(_SLOWEST_STEERED, _SLOWER_STEERED * usual)) & seen
-    behind = vehicle.rear_to_reference
-    bicycle = Bicycle(vehicle.wheelbase - behind, behind)
+    bicycle = Bicycle.at_reference(vehicle)
     curvature = np.where(known, r / np.where(known, v, 1.0), 0.0)
-    limit = 0.99 / max(abs(behind), 1e-6)
+    limit = 0.99 / max(abs(vehicle.rear_to_reference), 1e-6)
     angle = np.asarray(bicycle.steering_angle(jnp.asarray(np.clip(curvature, -limit, limit))))
     return angle, known & (np.abs(curvature) < limit)
 
@@ -61,7 +60,6 @@ def derived(runs: Runs, angle: tuple[np.ndarray, np.ndarray]) -> bool:
     if vehicle is None:
         return False
     v, r, known = runs.channel("v"), runs.channel("r"), angle[1] & runs.seen("r")
-    behind = vehicle.rear_to_reference
-    bicycle = Bicycle(vehicle.wheelbase - behind, behind)
+    bicycle = Bicycle.at_reference(vehicle)
     error = np.abs(np.asarray(bicycle.yaw_rate(v, angle[0])) - r)[known]
     return bool(error.size and np.median(error) < 1e-6 * max(float(np.std(r[known])), 1e-12))

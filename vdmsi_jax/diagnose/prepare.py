@@ -203,8 +203,7 @@ def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
         search = searches.get(name)
         model = moving_mean(values, _SMOOTH, runs.dt) if search is None else search.final.y
         smooth[name] = np.where(known, model, values)
-    behind = vehicle.rear_to_reference
-    bicycle = Bicycle(vehicle.wheelbase - behind, behind)
+    bicycle = Bicycle.at_reference(vehicle)
     return Body(
         smooth["v"], smooth["delta"], v - smooth["v"], delta - smooth["delta"],
         measured, mask, held_out, bicycle, runs.dt, by_yaw_rate, repeats=repeats(runs),

@@ -22,8 +22,7 @@ def turned_round(records: Sequence[Record]) -> list[str]:
     vehicle = records[0].vehicle
     if vehicle is None or not all("v" in r and "delta" in r for r in records):
         return []
-    behind = vehicle.rear_to_reference
-    bicycle = Bicycle(vehicle.wheelbase - behind, behind)
+    bicycle = Bicycle.at_reference(vehicle)
     made = [np.asarray(bicycle.yaw_rate(r["v"], r["delta"])) for r in records]
     told = []
     for name in ("r", "psi"):

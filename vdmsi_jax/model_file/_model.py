@@ -88,14 +88,13 @@ class Model:
         if self.vehicle is None:
             mend = "describe the vehicle in [vehicle] of the configuration and identify again"
             raise InputError("model", "vehicle", "has no geometry, so it has no path", mend)
-        behind = self.vehicle.rear_to_reference
         powertrain, steering = self.plant("v_cmd", "v"), self.plant("delta_cmd", "delta")
         powertrain, steering = (
             (plant.model if effects else plant.linear) if dynamics and plant else None
             for plant in (powertrain, steering)
         )
         return Vehicle(
-            Bicycle(self.vehicle.wheelbase - behind, behind),
+            Bicycle.at_reference(self.vehicle),
             powertrain,
             steering,
             speed_input=SpeedInput.VELOCITY,

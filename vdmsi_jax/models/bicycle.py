@@ -6,6 +6,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
+from ..config import VehicleGeometry
+
 
 class BicycleState(NamedTuple):
     """State of eq. (1), or its time derivative.
@@ -35,6 +37,12 @@ class Bicycle(eqx.Module):
 
     l_f: Float[Array, ""] = eqx.field(converter=jnp.asarray)
     l_r: Float[Array, ""] = eqx.field(converter=jnp.asarray)
+
+    @classmethod
+    def at_reference(cls, vehicle: VehicleGeometry) -> "Bicycle":
+        """The one whose reference point is the vehicle's, wherever its centre of gravity lies."""
+        behind = vehicle.rear_to_reference
+        return cls(vehicle.wheelbase - behind, behind)
 
     @property
     def wheelbase(self) -> Float[Array, ""]:
