@@ -126,6 +126,45 @@ def test_a_single_actuator_is_compared_by_its_response(model, tmp_path):
     assert write_trajectories(tmp_path, comparison) == []
 
 
+def test_commands_alone_are_driven_from_the_origin(model, tmp_path):
+    channels = drive()
+    log = record({name: channels[name] for name in ("v_cmd", "delta_cmd")})
+    comparison = compare(log, model)
+    posed = compare(record(channels), model).predictions["VDM"].channels
+    for prediction in comparison.predictions.values():
+        assert prediction.has_path and prediction.scores == {} and prediction.whole is None
+    c, s = np.cos(channels["psi"][0]), np.sin(channels["psi"][0])
+    x, y = (posed[name] - channels[name][0] for name in ("x", "y"))
+    own = comparison.predictions["VDM"].channels
+    np.testing.assert_allclose(own["x"], c * x + s * y, atol=1e-6)
+    np.testing.assert_allclose(own["y"], c * y - s * x, atol=1e-6)
+    assert "nothing is compared" in comparison.lacking
+    written = write_trajectories(tmp_path, comparison)
+    assert [path.name for path in written] == ["drive.vdm.tum", "drive.vdm_si.tum"]
+
+
+def test_the_yaw_rate_is_predicted_where_no_pose_was_measured(model):
+    channels = drive()
+    psi = channels["psi"]
+    told = {name: channels[name] for name in ("v_cmd", "delta_cmd")}
+    comparison = compare(record(told | {"r": np.gradient(psi, DT)}), model)
+    vdm, vdm_si = (prediction.scores["r"].fit for prediction in comparison.predictions.values())
+    assert vdm_si > vdm + 5.0
+    assert comparison.lacking == ""
+
+
+def test_a_path_without_a_pose_goes_on_behind_a_gap(model):
+    channels = drive(n=1000)
+    told = {name: channels[name] for name in ("v_cmd", "delta_cmd")}
+    whole = record(told)
+    torn = whole.select([Segment(0, 400), Segment(600, 1000)])
+    x, y = (compare(torn, model).predictions["VDM"].channels[name] for name in ("x", "y"))
+    assert np.hypot(x[400], y[400]) > 1.0
+    assert np.hypot(x[400] - x[399], y[400] - y[399]) < 0.1
+    both = compare(Record.concatenate([torn, whole]), model).predictions["VDM"].channels["x"]
+    assert both[800] == 0.0
+
+
 def test_samples_that_were_filled_in_do_not_count(model):
     channels = drive()
     bad = channels["delta"].copy()

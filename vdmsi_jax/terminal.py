@@ -95,6 +95,9 @@ def show_comparisons(comparisons: Sequence["Comparison"]) -> None:
                 + ["–" if error is None else f"{error.ate['mean']:.3f}" for error in errors]
             )
     show_table(header, rows)
+    for comparison in comparisons:
+        if comparison.lacking:
+            OUT.print(f"{comparison.record.name}: {comparison.lacking}", soft_wrap=True)
 
 
 def show_reproduction(experiments: Sequence["Experiments"]) -> None:

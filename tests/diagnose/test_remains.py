@@ -11,9 +11,10 @@ from vdmsi_jax.diagnose.chain import bands, regress
 from vdmsi_jax.diagnose.disturbance import apart, demands, moving, scores
 from vdmsi_jax.diagnose.judge import Scored, Trial, confirmed, gain_of
 from vdmsi_jax.diagnose.prepare import stage_of
-from vdmsi_jax.diagnose.result import Gain
+from vdmsi_jax.diagnose.remains import unexplained
+from vdmsi_jax.diagnose.result import Gain, Unexplained
 from vdmsi_jax.diagnose.runs import lay_out
-from vdmsi_jax.diagnose.unexplained import events, slow_error, structure
+from vdmsi_jax.diagnose.unexplained import SMALL, beside_response, events, slow_error, structure
 
 DT = 0.02
 N = 3000
@@ -47,6 +48,17 @@ def when_it_jumps(x):
     """Where the response has just jumped."""
     since = T % 4.5
     return np.where(since < 1.0, x, 0.0)
+
+
+def test_what_is_left_by_a_model_that_is_true_to_the_response_is_small():
+    """Logs without noise leave the rounding of the integration, however surely it is no noise."""
+    found = [Unexplained("v", 0.9, ("run",), (), "test", puzzling=True)]
+    error = when_it_jumps(1e-3)[None]
+    (told,) = beside_response(found, error, RESPONSE, EVERYWHERE)
+    assert told.size < SMALL and not told.puzzling
+    assert not unexplained([told], (), {}, lambda channel: 0.0)
+    assert beside_response(found, error + NOISE, RESPONSE, EVERYWHERE) == found
+    assert unexplained(found, (), {}, lambda channel: 0.0)
 
 
 def test_noise_is_no_slow_error():

@@ -21,7 +21,7 @@ from ..metrics import (
 )
 from ..model_file import Model, Plant
 from ._nouns import POSE, SUCCESSFUL, Comparison, PoseErrors, Prediction, RelativeErrors, Score
-from ._predict import Kind, has_path, motion, responses, sensed
+from ._predict import Kind, drives, motion, responses, sensed
 
 
 def compare(record: Record, model: Model, *, window: float = 20.0) -> Comparison:
@@ -32,7 +32,8 @@ def compare(record: Record, model: Model, *, window: float = 20.0) -> Comparison
     `extended`, and what its sensors add is in the responses that are predicted (a delay of the pose
     is not). All start from the first measured pose of each segment, and a plant starts so that it
     meets the first 0.2 s of its measured response. Whatever the log lacks is left out: without a
-    pose there are responses only, and a single actuator is compared as well as a vehicle.
+    pose the path starts at the origin and has no errors, commands alone are driven and compared
+    with nothing, and a single actuator is compared as well as a vehicle.
 
     Args:
         record: a log with the commands of the plants.
@@ -51,14 +52,14 @@ def compare(record: Record, model: Model, *, window: float = 20.0) -> Comparison
     predictions = {}
     for kind in Kind if present.extended else (Kind.VDM, Kind.VDM_SI):
         channels, status = {}, SUCCESSFUL
-        if has_path(record, present):
+        if drives(record, present):
             channels, status = motion(record, present, kind)
         channels |= responses(record, present, kind, channels)
         if kind is Kind.EXTENDED:
             channels = sensed(record, present, channels)
         predictions[kind.value] = _score(kind.value, status, record, channels, window)
     floor = None
-    if has_path(record, present) and {"v", "delta"} <= set(record.channels):
+    if drives(record, present) and {"v", "delta", *POSE} <= set(record.channels):
         told = {**record.channels, "v_cmd": record["v"], "delta_cmd": record["delta"]}
         channels, status = motion(replace(record, channels=told), present, Kind.VDM)
         floor = _score("measured responses", status, record, channels, window)
@@ -91,7 +92,7 @@ def _score(
     name: str, status: str, record: Record, channels: Mapping[str, np.ndarray], window: float
 ) -> Prediction:
     """Set what was predicted against what was measured; filled-in samples do not count."""
-    scores, posed = {}, set(POSE) <= channels.keys()
+    scores, posed = {}, set(POSE) <= channels.keys() & set(record.channels)
     for channel in channels:
         if channel in record and not (posed and channel in POSE):
             seen = record.measured(channel)

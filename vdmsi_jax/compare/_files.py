@@ -16,12 +16,13 @@ KEYS = {"VDM": "vdm", "VDM-SI": "vdm_si", "extended": "extended"}
 
 
 def write_trajectories(folder: str | Path, comparison: Comparison) -> list[Path]:
-    """Write the measured path and every predicted one as TUM files, `LOG.MODEL.tum`."""
+    """Write the measured path, where there is one, and every predicted one as TUM files,
+    `LOG.MODEL.tum`."""
     record, paths = comparison.record, {}
     if set(POSE) <= set(record.channels):
         paths["measured"] = [record[c] for c in POSE]
     for name, prediction in comparison.predictions.items():
-        if prediction.whole is not None:
+        if prediction.has_path:
             paths[KEYS.get(name, name)] = [prediction.channels[c] for c in POSE]
     written = []
     for name, columns in paths.items():

@@ -69,6 +69,11 @@ class Prediction:
     aligned: Mapping[str, float] | None = None
     relative: RelativeErrors | None = None
 
+    @property
+    def has_path(self) -> bool:
+        """Whether it says where the vehicle went."""
+        return self.status == SUCCESSFUL and set(POSE) <= self.channels.keys()
+
 
 @dataclass(frozen=True)
 class Comparison:
@@ -86,3 +91,13 @@ class Comparison:
     predictions: Mapping[str, Prediction]
     window: float
     floor: Prediction | None = None
+
+    @property
+    def lacking(self) -> str:
+        """What to say of a log that measured nothing of what is predicted; empty where it did."""
+        predictions = self.predictions.values()
+        if any(p.scores or p.whole is not None for p in predictions):
+            return ""
+        path = any(p.has_path for p in predictions)
+        made = "paths are predicted from the origin, and" if path else "nothing is predicted, and"
+        return f"the log has no response of the model's: {made} nothing is compared"

@@ -37,11 +37,11 @@ class Kind(enum.Enum):
         return plant.model if self is Kind.EXTENDED else plant.linear
 
 
-def has_path(record: Record, model: Model) -> bool:
-    """Whether a path can be simulated and compared: geometry, both commands, and a pose."""
+def drives(record: Record, model: Model) -> bool:
+    """Whether a motion can be simulated: it takes the geometry and both commands."""
     actuators = (model.plant("v_cmd", "v"), model.plant("delta_cmd", "delta"))
-    needed = {"v_cmd", "delta_cmd", *POSE}
-    return model.vehicle is not None and needed <= set(record.channels) and any(actuators)
+    commanded = {"v_cmd", "delta_cmd"} <= set(record.channels)
+    return model.vehicle is not None and commanded and any(actuators)
 
 
 def responses(
@@ -77,7 +77,11 @@ def responses(
 
 
 def motion(record: Record, model: Model, kind: Kind) -> tuple[dict[str, np.ndarray], str]:
-    """Speed, angle, yaw rate and pose of the reference point over every segment, and the status."""
+    """Speed, angle, yaw rate and pose of the reference point over every segment, and the status.
+
+    Segments start at their measured pose; where none was measured a run starts at the origin, and
+    goes on behind a gap from where it was.
+    """
     vehicle = model.to_vehicle(dynamics=kind is not Kind.VDM, effects=kind is Kind.EXTENDED)
     speeds, angles = (_padded(record, record[name]) for name in ("v_cmd", "delta_cmd"))
     powertrain, steering = (
@@ -86,12 +90,17 @@ def motion(record: Record, model: Model, kind: Kind) -> tuple[dict[str, np.ndarr
         else [None] * len(record.segments)
         for plant in (model.plant("v_cmd", "v"), model.plant("delta_cmd", "delta"))
     )
-    trajectories = []
+    posed, trajectories = set(POSE) <= set(record.channels), []
+    ends: dict[str, tuple[float, ...]] = {}
     for i, (segment, known) in enumerate(zip(record.segments, _begun(record), strict=True)):
-        x, y, psi = (record[name][segment.start] for name in POSE)
-        start = Start(x, y, psi, powertrain=powertrain[i], steering=steering[i])
+        pose = ends.get(segment.run, (0.0, 0.0, 0.0))
+        if posed:
+            pose = tuple(float(record[name][segment.start]) for name in POSE)
+        start = Start(*pose, powertrain=powertrain[i], steering=steering[i])
         commands = Commands(speeds[i], angles[i], record.dt, **known)
         trajectories.append(simulate(vehicle, commands, start))
+        last = len(segment) - 1
+        ends[segment.run] = tuple(float(getattr(trajectories[-1], name)[last]) for name in POSE)
     failed = [t for t in trajectories if not bool(t.ok)]
     channels = {
         name: _joined(record, [getattr(t, name) for t in trajectories])

@@ -24,6 +24,7 @@ from .unexplained import (
     LARGE_HELD_OUT,
     SMALL,
     WORSE,
+    beside_response,
     events,
     extent,
     slow_error,
@@ -168,7 +169,7 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
         fraction = _failed(stage, failed)
         if slot.weight < FREE and failed.finding.gain > _LOUD and fraction > _SEEN:
             found.append(_broken(label, spec.output, fraction))
-    return found
+    return beside_response(found, e, stage.y, stage.mask | stage.held_out)
 
 
 def _of_a_kind(
@@ -289,9 +290,13 @@ def _of_body(runs: Runs, found: BodySearch) -> list[Unexplained]:
     slow = slow_error("r", e, white, response, nothing, masks, body.dt, moving=moves)
     if slow is not None:
         left.append(slow)
+    left = beside_response(left, e, response, masks[0] | masks[1])
     for failed in found.failed:
         if failed.finding.gain > _LOUD and failed.share > _SEEN and not failed.usual:
             cause = CAUSES[failed.finding.number]
             place = f"{cause.where} {cause.channel}" if cause.channel else cause.where
-            left.append(_broken(f"{cause.cause} ({place})", failed.channel, failed.share))
+            broken = _broken(f"{cause.cause} ({place})", failed.channel, failed.share)
+            known = body.mask[failed.channel] | body.held_out[failed.channel]
+            e = residual(body, final, failed.channel, known)
+            left += beside_response([broken], e, body.measured[failed.channel], known)
     return left

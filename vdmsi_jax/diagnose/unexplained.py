@@ -5,6 +5,9 @@ data held out larger than on those fitted? Is a slow error large beside the resp
 error it is, where it is of one that has no name in the library, `families` asks.
 """
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -34,6 +37,9 @@ _APART = 0.25  # of a slow error, from which on its means set runs apart: of cle
 SMALL = 0.012
 """An error that is surely the model's, of a response's spread, below which it changes no verdict:
 causes outside the library, made up of a size that is worth telling, leave 0.015 and more."""
+FAITHFUL = 0.005
+"""Error of every kind, of a response's spread, up to which a model is true to it: logs without
+noise leave nothing but the rounding of the integration, which surely goes with what is asked."""
 _OF_LEVEL = 0.25  # of the largest response, which counts as spread where it is larger
 _BESIDE = 1.2  # innovations
 _WINDOW = 0.5  # s
@@ -150,6 +156,20 @@ def slow_sizes(
         slow = moving_mean(np.where(use, residual, 0.0), SLOW, dt)[use]
         sizes.append(float(np.sqrt(np.mean(slow**2))) / extent(response[use]) if use.any() else 0.0)
     return sizes[0], sizes[1]
+
+
+def beside_response(
+    found: Sequence[Unexplained],
+    residual: Float[np.ndarray, "R N"],
+    response: Float[np.ndarray, "R N"],
+    use: Bool[np.ndarray, "R N"],
+) -> list[Unexplained]:
+    """What was found in an error, told as small where all of the error is that beside the response:
+    it changes no verdict then."""
+    size = float(np.sqrt(np.mean(residual[use] ** 2))) / extent(response[use]) if use.any() else 0.0
+    if size > FAITHFUL:
+        return list(found)
+    return [replace(u, size=min(u.size, size), puzzling=False) for u in found]
 
 
 def extent(values: Float[np.ndarray, " n"]) -> float:

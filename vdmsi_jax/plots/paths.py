@@ -2,29 +2,33 @@
 
 from matplotlib.figure import Figure
 
-from ..compare import Comparison
+from ..compare import POSE, Comparison
 from .signals import with_gaps
 from .style import COLOURS, WIDTH, colour, envelope, legend_above, styled
 
 
 @styled
 def paths(comparison: Comparison) -> Figure:
-    """Measured and predicted paths in the plane, from the same start."""
+    """Measured and predicted paths in the plane, from the same start; those that are predicted
+    alone where no pose was measured."""
     record = comparison.record
     figure = Figure(figsize=(WIDTH, 4.8))
     axes = figure.subplots()
-    curves = {"measured": (record["x"], record["y"])} | {
-        name: (prediction.channels["x"], prediction.channels["y"])
-        for name, prediction in comparison.predictions.items()
-        if prediction.whole is not None
+    measured = {"measured": record.channels} if set(POSE) <= set(record.channels) else {}
+    curves = {
+        name: (channels["x"], channels["y"])
+        for name, channels in (
+            measured | {n: p.channels for n, p in comparison.predictions.items() if p.has_path}
+        ).items()
     }
     for name, (x, y) in curves.items():
         lw, alpha = (2.6, 0.45) if name == "measured" else (1.5, 1.0)
         east, north = with_gaps(record, x)[1], with_gaps(record, y)[1]
         axes.plot(east, north, color=colour(name), label=name, lw=lw, alpha=alpha)
     starts = [segment.start for segment in record.segments]
+    x, y = next(iter(curves.values()))
     axes.plot(
-        record["x"][starts], record["y"][starts], "o", color=COLOURS["measured"], mfc="white",
+        x[starts], y[starts], "o", color=COLOURS["measured"], mfc="white",
         ms=6, mew=1.5, label="start", zorder=4,
     )  # fmt: skip
     axes.set_aspect("equal", adjustable="datalim")

@@ -7,6 +7,7 @@ from .. import plots
 from ..compare import SUCCESSFUL, Comparison, Prediction
 from .identification import what_was_read
 from .page import Block, Page, Picture, Section, Table, Text, Tiles
+from .phrases import capital, ended
 from .text import number, percent
 
 
@@ -35,6 +36,8 @@ def _run(i: int, comparison: Comparison) -> Section:
         if p.status != SUCCESSFUL
     ]
     channels = list(dict.fromkeys(c for p in predictions.values() for c in p.scores))
+    if comparison.lacking:
+        blocks.append(Text(ended(capital(comparison.lacking)), kind="warning"))
     if channels:
         rows = [
             [channel, *(percent(p.scores[channel].fit) for p in predictions.values())]
@@ -49,12 +52,13 @@ def _run(i: int, comparison: Comparison) -> Section:
                 "Measured and predicted responses.",
             ),
         ]
+    if any(p.has_path for p in predictions.values()):
+        caption = "Measured and predicted paths from the same start."
+        if not any(p.whole is not None for p in predictions.values()):
+            caption = "Predicted paths; no pose was measured, and they start at the origin."
+        blocks.append(Picture(plots.to_svg(plots.paths(comparison), f"run{i}-paths"), caption))
     if any(p.whole is not None for p in predictions.values()):
         blocks += [
-            Picture(
-                plots.to_svg(plots.paths(comparison), f"run{i}-paths"),
-                "Measured and predicted paths from the same start.",
-            ),
             Picture(
                 plots.to_svg(plots.translation_error(comparison), f"run{i}-error"),
                 "Distance between predicted and measured position.",
