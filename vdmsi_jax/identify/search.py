@@ -32,6 +32,7 @@ _PROMISING = 1.01  # residual, relative to the order's best, of a start that is 
 _ROUNDS = 12
 _GAIN = 1e-4  # relative fall of the residual for which an order's neighbours start again from it
 _LANES = 10  # candidates simulated side by side: their signals fit the cache
+_SHORT = 50_000  # samples, up to which idle lanes cost less than another program to compile
 _DELAYS = 20  # of the grid over the delay
 _MEMORY = 4e8  # bytes of signals that a batch may hold
 
@@ -219,12 +220,13 @@ def simulate_points(
     samples: Samples, fitted: Array, points: Sequence[Point], *, delay: bool, offset: bool
 ) -> list[Details]:
     """`detail` of each point, as NumPy arrays, a few at a time where the record is long."""
-    lanes = _fitting_lanes(samples, _LANES if len(points) > 1 else 1)  # few sizes to compile
+    alone = len(points) == 1 and samples.u.size > _SHORT
+    lanes = _fitting_lanes(samples, 1 if alone else _LANES)
     found = []
     for first in range(0, len(points), lanes):
         part = list(points[first : first + lanes])
         start, order = _stack(part + part[-1:] * (lanes - len(part)), delay=delay, offset=offset)
-        out = jax.tree.map(np.asarray, _DETAIL(start.candidate, order, samples, fitted))
+        out = jax.tree.map(np.asarray, _PROGRAMS["detail"](start.candidate, order, samples, fitted))
         found += [jax.tree.map(lambda leaf, i=i: leaf[i], out) for i in range(len(part))]
     return found
 
@@ -306,22 +308,25 @@ def _detailed(points: Candidate, orders: Order, samples: Samples, fitted: Array)
     return jax.vmap(lambda p, o: detail(p.a, p.d, o, samples, fitted))(points, orders)
 
 
-_DETAIL = Kept(_detailed)
 _PROGRAMS: dict[str, Kept] = {
     "refine": Kept(_refined),
     "equation_error": Kept(_fitted),
     "judge": Kept(_judged),
+    "detail": Kept(_detailed),
 }
 
 
 def _compile(samples: Samples, lanes: int) -> None:
     """Have the programs of a search ready, made side by side."""
     start, order = _stack([Point((1, 0), np.zeros(N_MAX), 0.0)] * lanes, delay=True, offset=True)
-    given = {"refine": start, "equation_error": start.candidate, "judge": start.candidate}
+    segments = jnp.ones(samples.n_segments, samples.u.dtype)
+    given = {
+        "refine": (start, order, samples, jnp.zeros(())),
+        "equation_error": (start.candidate, order, samples, jnp.zeros(())),
+        "judge": (start.candidate, order, samples, jnp.zeros(())),
+        "detail": (start.candidate, order, samples, segments),
+    }
     with ThreadPoolExecutor(AT_ONCE) as pool:
-        made = [
-            pool.submit(_PROGRAMS[name].compile, points, order, samples, jnp.zeros(()))
-            for name, points in given.items()
-        ]
+        made = [pool.submit(_PROGRAMS[name].compile, *told) for name, told in given.items()]
         for program in made:
             program.result()
