@@ -20,8 +20,8 @@ def test_a_notebook_is_stored_without_outputs(path):
 @pytest.mark.parametrize(
     "path",
     [
-        # the paper's experiments have tests of their own
-        pytest.param(p, id=p.stem, marks=pytest.mark.slow if p.stem == "03_paper" else ())
+        # the demo is diagnosed, and the paper is reproduced, in tests of their own
+        pytest.param(p, id=p.stem, marks=() if p.stem == "01_identify" else pytest.mark.slow)
         for p in NOTEBOOKS
     ],
 )

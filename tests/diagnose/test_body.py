@@ -77,6 +77,7 @@ def found_in(body: Body) -> dict[str, float]:
     }
 
 
+@pytest.mark.slow
 def test_a_yaw_rate_that_is_far_too_late_is_found_though_no_small_step_leads_there():
     found = found_in(turning(1, late=0.12))
     assert set(found) == {"sensor_delay"}
@@ -188,6 +189,7 @@ def test_jumps_of_a_pose_are_told_by_their_moments(jump):
     assert all(19.0 <= start and stop <= 23.0 for u in left for _, start, stop in u.when)
 
 
+@pytest.mark.slow
 def test_a_sensor_is_late_by_a_lag_or_by_a_delay():
     """A filter of two poles is between the two, and was both, each small beside the other."""
     body = turning(9, late=0.05)

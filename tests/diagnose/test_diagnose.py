@@ -122,6 +122,7 @@ def test_a_steering_angle_that_was_not_logged_is_told_from_the_yaw_rate():
     json.dumps(diagnosis_document(found), allow_nan=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cause", [(), (("offset", "steering"),)])
 def test_poses_alone_show_what_is_there_and_no_more(tmp_path, cause):
     """Speed and angle are made of the pose: that makes no fault, and hides none."""
@@ -181,6 +182,7 @@ def test_a_yaw_rate_of_the_other_sign_is_told(logs):
     assert "[sign] psi = -1" in turned_round(round_left)[0]
 
 
+@pytest.mark.slow
 def test_a_copy_of_a_drive_does_not_judge_it():
     rng = np.random.default_rng(0)
     u = np.repeat(rng.normal(size=20), 20)
@@ -236,6 +238,7 @@ def test_a_vehicle_that_stands_has_no_body(noise):
     assert any("stands" in told for told in found.unseen)
 
 
+@pytest.mark.slow
 def test_a_dead_sensor_is_left_out(logs):
     """A yaw rate of zero throughout; it had been told as a late angle."""
     dead = [replace(r, channels=r.channels | {"r": np.zeros(r.n)}) for r in logs]
@@ -245,6 +248,7 @@ def test_a_dead_sensor_is_left_out(logs):
     assert "r" not in found.records[0]
 
 
+@pytest.mark.slow
 def test_a_command_that_is_logged_as_its_own_response_is_refused(logs):
     u = np.repeat(np.random.default_rng(0).normal(size=20), 20)
     with pytest.raises(vj.InputError, match="w is u in every sample"):
@@ -255,6 +259,7 @@ def test_a_command_that_is_logged_as_its_own_response_is_refused(logs):
     assert ("backlash", "steering") in [(f.cause, f.where) for f in found.findings]
 
 
+@pytest.mark.slow
 def test_a_bias_of_the_yaw_rate_is_told_where_the_angle_is_made_of_it(logs):
     """The heading tells it; else the angle would have an offset that changes with the speed."""
 

@@ -120,6 +120,7 @@ def logs(*commands: np.ndarray, dead: float = 0.0, wander: float = 0.15) -> list
     return made
 
 
+@pytest.mark.slow
 def test_what_runs_with_the_same_commands_do_not_share_is_noise():
     alone = vj.diagnose(logs(steps(1), steps(2), steps(3)))
     assert alone.verdict == "unexplained_structure"

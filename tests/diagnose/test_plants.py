@@ -53,6 +53,7 @@ def driven(
     return made
 
 
+@pytest.mark.slow
 def test_a_plant_of_its_own_is_looked_at_beside_a_vehicle():
     """A configuration may tell of a vehicle whatever the log holds; `y` is then no place."""
     logs, vehicle = driven(1, swing=0.08), vj.VehicleGeometry(l_f=1.0, l_r=1.0)
@@ -80,6 +81,7 @@ def valve(seed: int, rate: float, rows: int = 800, dt: float = 0.05):
     return made
 
 
+@pytest.mark.slow
 def test_what_lags_behind_a_limit_is_no_delay():
     """A limit of the response itself leaves the lag behind it, which a delay then tells."""
     found = vj.diagnose(valve(1, 0.22))
@@ -89,6 +91,7 @@ def test_what_lags_behind_a_limit_is_no_delay():
         assert found.findings[0].parameters[side].value == pytest.approx(0.22, rel=0.01)
 
 
+@pytest.mark.slow
 def test_what_swings_begins_each_run_where_it_likes():
     found = vj.diagnose(driven(1, swing=0.08))
     assert [f.cause for f in found.findings] == ["periodic_disturbance"]
@@ -100,6 +103,7 @@ def test_what_swings_begins_each_run_where_it_likes():
     assert found.extended["y"].fit > 97.0 > 90.0 > found.channels["y"].fit
 
 
+@pytest.mark.slow
 def test_a_delay_is_not_told_by_zeros_in_the_right_half_plane():
     found = vj.diagnose(driven(2, delay=0.15))
     assert [f.cause for f in found.findings] == ["transport_delay"]
@@ -186,7 +190,8 @@ def pendulum(seed: int, friction: float, seconds: float = 6.0):
     return [vj.Record.from_arrays(dt=dt, name="run", plants=(plant,), u=u, y=y)]
 
 
-@pytest.mark.parametrize("seed", [2, *(pytest.param(k, marks=pytest.mark.slow) for k in (0, 1))])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1, 2])
 def test_friction_and_weight_are_found_in_a_weak_servo(seed):
     """Nothing fits before friction is in: of linear plants one whose error a colour of noise takes
     scores best (seed 1), and a refit that stops early leaves friction behind. Beside friction the
@@ -238,6 +243,7 @@ def test_what_is_on_its_way_is_answered_until_it_has_passed():
     assert np.allclose(on_its_way(den, num, delay, dt, rows), y, atol=5e-3)
 
 
+@pytest.mark.slow
 def test_logs_that_begin_in_motion_do_not_cost_a_plant_its_poles():
     whole = driven(7)
     cut = [record.select([Segment(400, record.n, record.name)]) for record in whole]
@@ -256,6 +262,7 @@ def gusts(rng, rows: int, size: float, seconds: float, dt: float) -> np.ndarray:
     return np.array(made)
 
 
+@pytest.mark.slow
 def test_hills_do_not_draw_a_gain_that_falls_on_the_way():
     rng, dt = np.random.default_rng(5), 0.05
     goal = np.repeat(rng.uniform(0.4, 2.4, 45), 40)
@@ -278,7 +285,8 @@ def test_hills_do_not_draw_a_gain_that_falls_on_the_way():
 
 
 # in the second log, and in the one that judges
-@pytest.mark.parametrize("when", [41.7, pytest.param(71.7, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("when", [41.7, 71.7])
 def test_what_breaks_in_one_log_stays_broken_in_the_next(when):
     diagnosis = vj.diagnose(driven(11, fails=when))
     (finding,) = diagnosis.findings
@@ -304,6 +312,7 @@ def test_a_delay_of_a_second_is_found():
     assert finding.parameters["delay"].value == pytest.approx(1.0, abs=0.02)
 
 
+@pytest.mark.slow
 def test_what_fails_in_a_slow_plant_that_does_not_begin_at_rest_is_found():
     """The start says nothing of the gain: taken for a part of the response to the command, it led
     the first fits to a plant that hardly moved."""
@@ -346,6 +355,7 @@ def masses(seed: int, *, stiffens: float = 0.0, coupled: bool = False):
     return made
 
 
+@pytest.mark.slow
 def test_a_spring_that_stiffens_is_told_as_what_pulls_the_response_back():
     found = vj.diagnose(masses(1, stiffens=0.5))
     (finding,) = found.findings
@@ -357,6 +367,7 @@ def test_a_spring_that_stiffens_is_told_as_what_pulls_the_response_back():
     assert found.extended["y"].fit > 98.0 > found.channels["y"].fit + 2.0
 
 
+@pytest.mark.slow
 def test_a_motor_that_swings_against_a_flywheel_has_a_mode_and_an_anti_resonance():
     (finding,) = vj.diagnose(masses(2, coupled=True)).findings
     assert finding.cause == "resonance"

@@ -7,19 +7,14 @@ import pytest
 
 import floors
 
+pytestmark = pytest.mark.slow
+
 # the floors are given to one decimal; husky's right wheel lies on its edge (80.05 for 80.1)
 ROUNDING = 0.06
 POLES = (1, 2, 3)  # the floors are those of one lag, and larger orders take long
-FAST = ("f110_frictionmaps/ds1",)
 
 
-@pytest.mark.parametrize(
-    "floor",
-    [
-        pytest.param(f, id=f.name, marks=() if f.name.startswith(FAST) else pytest.mark.slow)
-        for f in floors.FLOORS
-    ],
-)
+@pytest.mark.parametrize("floor", floors.FLOORS, ids=lambda floor: floor.name)
 def test_the_chosen_model_passes_the_floor(floor, shared_data):
     grid = floors.identify_floor(floor, shared_data, poles=POLES)
     print("\n" + floors.HEADER + "\n" + floors.row(floor, grid))

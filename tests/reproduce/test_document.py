@@ -25,6 +25,7 @@ def document(one, tmp_path_factory):
     return json.loads(path.read_text())
 
 
+@pytest.mark.slow
 def test_results_hold_every_table_and_cell(one, document):
     car = document["cars"]["worn"]
     assert document["schema"] == "vdmsi.reproduce/1"
@@ -50,6 +51,7 @@ def test_results_hold_every_table_and_cell(one, document):
         assert set(car["vdm_rules"][course]["step"]) >= {"velocity", "limited_difference"}
 
 
+@pytest.mark.slow
 def test_every_figure_is_a_vector_drawing_with_a_caption_and_labelled_axes(one):
     drawn = figures(one)
     assert {"figure_3", "figure_4", "figure_5", "figure_6", "figure_7"} <= set(drawn)
@@ -59,6 +61,7 @@ def test_every_figure_is_a_vector_drawing_with_a_caption_and_labelled_axes(one):
         assert figure_file("worn", name) == f"worn_{name}.svg"
 
 
+@pytest.mark.slow
 def test_a_figure_labels_its_axes_with_units(one):
     powertrain, steering = (g.record for g in one.identification.grids.values())
     drawn = [plots.step_inputs(powertrain, steering), plots.open_loop(one.open_loop["bend"])]
@@ -71,6 +74,7 @@ def test_a_figure_labels_its_axes_with_units(one):
             assert any("(" in sibling.get_xlabel() for sibling in shared)
 
 
+@pytest.mark.slow
 def test_the_report_holds_every_figure_and_picture_and_needs_nothing_else(one):
     drawn = figures(one)
     pictures = looks(SHIPPED)
@@ -84,6 +88,7 @@ def test_the_report_holds_every_figure_and_picture_and_needs_nothing_else(one):
     )
 
 
+@pytest.mark.slow
 def test_the_studies_beyond_are_told_with_figures_in_si_units(document):
     drawn = beyond_figures(document)
     for name, drawing in drawn.items():
@@ -104,6 +109,7 @@ def test_the_studies_beyond_are_told_with_figures_in_si_units(document):
     assert "drift of the sensor" in page and "make record" in page
 
 
+@pytest.mark.slow
 def test_the_recorded_studies_reach_what_is_asked(document):
     """The slow tests compute them anew."""
     own, asked = document["beyond"], document["asked"]

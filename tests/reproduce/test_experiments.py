@@ -50,6 +50,7 @@ def test_mixed_driving_stays_below_the_courses_speed_and_a_planners_acceleration
     assert (mixed(1)[1] == delta).all() and (mixed(2)[1] != delta).any()
 
 
+@pytest.mark.slow
 def test_vdm_si_lowers_every_error_of_table_3(one):
     """By 70 % and more with all orders, which the slow test asks for."""
     for found in one.open_loop.values():
@@ -67,6 +68,7 @@ def test_without_sensors_vdm_si_lowers_the_error_by_sixty_percent_on_the_sound_c
         assert gain(at_exit["vdm"], at_exit["vdm_si"]) > 60.0
 
 
+@pytest.mark.slow
 def test_table_3_is_the_error_metric_on_the_part_from_the_bend_on(one):
     for found in one.open_loop.values():
         own = found.estimates["VDM-SI"]
@@ -77,6 +79,7 @@ def test_table_3_is_the_error_metric_on_the_part_from_the_bend_on(one):
         assert found.course.progress(found.measured[:1])[0] == pytest.approx(20.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_the_rules_agree_where_the_command_does_not_jump_and_part_where_it_does(one):
     found = one.open_loop["bend"]
     smooth = found.rules["ramp"]
