@@ -1,20 +1,24 @@
 """What hypotheses pay."""
 
+import math
+
 import numpy as np
+import pytest
 
 import vdmsi_jax as vj
-from vdmsi_jax.diagnose.hypothesis import Hypothesis
+from vdmsi_jax.diagnose.hypothesis import GROWTH, Hypothesis, growth
 from vdmsi_jax.diagnose.prepare import stage_of
 from vdmsi_jax.diagnose.price import PARAMETER_COST, price
+from vdmsi_jax.diagnose.refit import refit
 from vdmsi_jax.diagnose.runs import lay_out
 from vdmsi_jax.diagnose.stage import POLES
 
 PLANT, RUNS = vj.PlantSpec("servo", "u", "y"), 3
 
 
-def made(run: int) -> vj.Record:
+def made(run: int, keeps: float = 0.9) -> vj.Record:
     u = np.repeat(np.random.default_rng(run).uniform(-1.0, 1.0, 10), 20)
-    y = np.convolve(u, 0.1 * 0.9 ** np.arange(60))[: len(u)]
+    y = np.convolve(u, 0.1 * keeps ** np.arange(len(u)))[: len(u)]
     return vj.Record.from_arrays(dt=0.02, name=f"{run}", plants=(PLANT,), u=u, y=y)
 
 
@@ -45,3 +49,26 @@ def test_a_second_static_curve_pays_more_since_two_mend_the_form_of_one():
 
 def test_what_was_on_its_way_is_paid_in_each_run():
     assert paid("transport_delay") == paid("offset") + 2.0 * RUNS
+
+
+def with_pole(exponent: float) -> Hypothesis:
+    """First order, whose pole grows by that over a run."""
+    theta = STAGE.off.copy()
+    theta[[0, POLES]] = -exponent / (STAGE.pace * STAGE.dt * STAGE.u.shape[1]), 1.0
+    return Hypothesis(1, 0, (), theta)
+
+
+def test_a_plant_that_grows_by_itself_is_worth_nothing():
+    told = growth(STAGE, [with_pole(e) for e in (0.5, 0.0, -0.5)])
+    assert told == pytest.approx([0.5, 0.0, 0.0])  # poles that are not there rest
+    assert math.isinf(price(STAGE, with_pole(1.1 * GROWTH)))
+    assert math.isfinite(price(STAGE, with_pole(0.5 * GROWTH)))
+
+
+def test_no_fit_ends_in_a_plant_that_grows_by_itself():
+    """A response that does is what no actuator's is, and many errors look like the begin of it."""
+    stage = stage_of(lay_out([made(run, keeps=1.015) for run in range(RUNS)]), PLANT)
+    theta = stage.off.copy()
+    theta[[0, POLES]] = 1.0
+    (fit,) = refit(stage, [Hypothesis(1, 0, (), theta)])
+    assert growth(stage, [fit.hypothesis])[0] <= GROWTH

@@ -14,6 +14,9 @@ from .stage import LEADS, POLES, Stage
 
 _STEP = 1e-4  # of a parameter's usual size, for differences
 BEYOND = 8  # reaches of the whitening filter, over which residuals count as one sample
+GROWTH = 0.3
+"""Exponent by which a response may grow over a run for a pole in the right half plane: as much as
+an integrator's is off by noise. Beyond that the pole makes up for what the plant lacks."""
 FREE_STATE = 0.3  # prior standard deviation of a state at the start, of the response's range
 
 
@@ -185,6 +188,17 @@ def states_of(stage: Stage, h: Hypothesis) -> np.ndarray:
     if frequency is None:
         return rows
     return np.concatenate([rows, swing.columns(stage, frequency).T], axis=1)
+
+
+def growth(stage: Stage, hypotheses: Sequence[Hypothesis]) -> Float[np.ndarray, " L"]:
+    """How much the least stable pole of each plant grows over a run, as an exponent; nothing
+    where all decay."""
+    A = np.zeros((len(hypotheses), POLES, POLES))
+    for own, h in zip(A, hypotheses, strict=True):  # companion matrices; what is idle rests
+        own[0, : h.poles] = -h.theta[: h.poles]
+        own[np.arange(1, h.poles), np.arange(h.poles - 1)] = 1.0
+    fastest = np.linalg.eigvals(A).real.max(axis=1)
+    return fastest * stage.pace * stage.dt * stage.u.shape[1]
 
 
 def bounded(stage: Stage, y: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 import math
 
-from .hypothesis import Hypothesis, Refit
+from .hypothesis import GROWTH, Hypothesis, Refit, growth
 from .stage import Stage
 from .starts import backward, lingers
 
@@ -28,12 +28,15 @@ FORM_COST = 15.0  # of each static curve beyond the first: two of them mend the 
 def price(stage: Stage, h: Hypothesis) -> float:
     """What a hypothesis must gain in twice the log-likelihood to be worth its parameters; nothing
     is worth a response that comes before its command by more than stamps of time are off, nor a
-    change of gain that is none: the lag that comes with it would be one pole more of the plant."""
+    change of gain that is none: the lag that comes with it would be one pole more of the plant; nor
+    one that grows by itself."""
     slots = [stage.slots[number] for number in h.active]
     early = -EARLY * stage.dt
     if any(s.cause == "transport_delay" and h.theta[s.index[0]] < early for s in slots):
         return math.inf
     if any(s.cause == "regime_change" and abs(h.theta[s.index[1]]) < CHANGE for s in slots):
+        return math.inf
+    if growth(stage, [h])[0] > GROWTH:
         return math.inf
     causes = sum(CAUSE_COST + PARAMETER_COST * slot.weight for slot in slots)
     phases = 0 if h.swing is None else len(h.swing) - 1  # beyond the one that is counted

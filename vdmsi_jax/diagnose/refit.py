@@ -17,10 +17,12 @@ from . import swing
 from .colour import filter_length, whiten
 from .hypothesis import (
     BEYOND,
+    GROWTH,
     Hypothesis,
     Lane,
     Refit,
     free_states,
+    growth,
     project,
     pulled,
     repaint,
@@ -155,10 +157,11 @@ def _advance(stage: Stage, lanes: list[Lane], counted: np.ndarray) -> None:
     answers = responses(stage, trials).reshape(len(lanes), tried, *stage.y.shape)
     colours = np.stack([lane.colour for lane in lanes])
     errors = whiten(residual(stage, answers), colours) * counted
+    grown = np.where(growth(stage, trials) > GROWTH, np.inf, 0.0).reshape(len(lanes), tried)
     for i, lane in enumerate(lanes):
         own = trials[tried * i : tried * (i + 1)]
         costs = np.diag(project(stage, lane, counted, errors[i]))
-        costs = costs + [unlikely(stage, lane, counted, h.theta) for h in own]
+        costs = costs + [unlikely(stage, lane, counted, h.theta) for h in own] + grown[i]
         best = int(np.argmin(np.where(np.isfinite(costs), costs, np.inf)))
         serves = lane.drift < _HELPS
         if costs[best] < lane.cost:
