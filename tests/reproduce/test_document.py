@@ -111,7 +111,7 @@ def test_the_studies_beyond_are_told_with_figures_in_si_units(document):
 
 @pytest.mark.slow
 def test_the_recorded_studies_reach_what_is_asked(document):
-    """The slow tests compute them anew."""
+    """Tests of the studies compute them anew."""
     own, asked = document["beyond"], document["asked"]
     assert own["population"]["vehicles"] >= 200
     for row in own["population"]["ate"]:

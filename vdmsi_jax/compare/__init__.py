@@ -11,3 +11,4 @@ from ._nouns import Comparison as Comparison
 from ._nouns import PoseErrors as PoseErrors
 from ._nouns import Prediction as Prediction
 from ._nouns import Score as Score
+from ._nouns import has_pose as has_pose

@@ -20,7 +20,16 @@ from ..metrics import (
     translation_error,
 )
 from ..model_file import Model, Plant
-from ._nouns import POSE, SUCCESSFUL, Comparison, PoseErrors, Prediction, RelativeErrors, Score
+from ._nouns import (
+    POSE,
+    SUCCESSFUL,
+    Comparison,
+    PoseErrors,
+    Prediction,
+    RelativeErrors,
+    Score,
+    has_pose,
+)
 from ._predict import Kind, drives, motion, responses, sensed
 
 
@@ -92,7 +101,7 @@ def _score(
     name: str, status: str, record: Record, channels: Mapping[str, np.ndarray], window: float
 ) -> Prediction:
     """Set what was predicted against what was measured; filled-in samples do not count."""
-    scores, posed = {}, set(POSE) <= channels.keys() & set(record.channels)
+    scores, posed = {}, has_pose(channels.keys() & set(record.channels))
     for channel in channels:
         if channel in record and not (posed and channel in POSE):
             seen = record.measured(channel)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..metrics import write_tum
-from ._nouns import POSE, Comparison, Prediction
+from ._nouns import POSE, Comparison, Prediction, has_pose
 
 SIMULATION = "vdmsi.simulation/1"
 
@@ -19,7 +19,7 @@ def write_trajectories(folder: str | Path, comparison: Comparison) -> list[Path]
     """Write the measured path, where there is one, and every predicted one as TUM files,
     `LOG.MODEL.tum`."""
     record, paths = comparison.record, {}
-    if set(POSE) <= set(record.channels):
+    if has_pose(record.channels):
         paths["measured"] = [record[c] for c in POSE]
     for name, prediction in comparison.predictions.items():
         if prediction.has_path:

@@ -1,6 +1,6 @@
 """What a comparison is."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -11,6 +11,11 @@ from ..data.record import Record
 
 SUCCESSFUL = "successful"
 POSE = ("x", "y", "psi")
+
+
+def has_pose(channels: Collection[str]) -> bool:
+    """Whether a pose is among them."""
+    return set(POSE) <= set(channels)
 
 
 class Score(NamedTuple):
@@ -72,7 +77,7 @@ class Prediction:
     @property
     def has_path(self) -> bool:
         """Whether it says where the vehicle went."""
-        return self.status == SUCCESSFUL and set(POSE) <= self.channels.keys()
+        return self.status == SUCCESSFUL and has_pose(self.channels)
 
 
 @dataclass(frozen=True)

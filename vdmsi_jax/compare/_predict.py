@@ -16,7 +16,7 @@ from ..models.extended_plant import ExtendedPlant, surroundings
 from ..models.linear_plant import REST_RECORDS
 from ..models.plant import AbstractPlant
 from ..simulate import RESULTS, Commands, Start, simulate
-from ._nouns import POSE, SUCCESSFUL
+from ._nouns import POSE, SUCCESSFUL, has_pose
 
 START_TIME = 0.2
 """How much of the measured response, s, tells the state at a start."""
@@ -90,17 +90,17 @@ def motion(record: Record, model: Model, kind: Kind) -> tuple[dict[str, np.ndarr
         else [None] * len(record.segments)
         for plant in (model.plant("v_cmd", "v"), model.plant("delta_cmd", "delta"))
     )
-    posed, trajectories = set(POSE) <= set(record.channels), []
-    ends: dict[str, tuple[float, ...]] = {}
+    posed, trajectories = has_pose(record.channels), []
+    ends: dict[str, tuple[float, ...]] = {}  # of runs without a pose
     for i, (segment, known) in enumerate(zip(record.segments, _begun(record), strict=True)):
-        pose = ends.get(segment.run, (0.0, 0.0, 0.0))
-        if posed:
-            pose = tuple(float(record[name][segment.start]) for name in POSE)
+        measured = (record[name][segment.start] for name in POSE)
+        pose = measured if posed else ends.get(segment.run, (0.0, 0.0, 0.0))
         start = Start(*pose, powertrain=powertrain[i], steering=steering[i])
         commands = Commands(speeds[i], angles[i], record.dt, **known)
         trajectories.append(simulate(vehicle, commands, start))
-        last = len(segment) - 1
-        ends[segment.run] = tuple(float(getattr(trajectories[-1], name)[last]) for name in POSE)
+        if not posed:
+            last = len(segment) - 1
+            ends[segment.run] = tuple(float(getattr(trajectories[-1], name)[last]) for name in POSE)
     failed = [t for t in trajectories if not bool(t.ok)]
     channels = {
         name: _joined(record, [getattr(t, name) for t in trajectories])

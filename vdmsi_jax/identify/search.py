@@ -71,7 +71,7 @@ class Search:
         self.longest = jnp.asarray(longest_delay or 0.0, float)
         self.has_delay, self.offset = longest_delay is not None, offset
         self.lanes = _fitting_lanes(samples, _LANES)
-        _compile(samples, self.lanes)
+        _compile(samples, self.lanes, _detailed_at_once(samples, len(self.orders)))
 
     def run(self, delays: Sequence[float]) -> dict[tuple[int, int], Point]:
         """The best found for every order, from starts at `delays` (in samples, the best first)."""
@@ -220,8 +220,7 @@ def simulate_points(
     samples: Samples, fitted: Array, points: Sequence[Point], *, delay: bool, offset: bool
 ) -> list[Details]:
     """`detail` of each point, as NumPy arrays, a few at a time where the record is long."""
-    alone = len(points) == 1 and samples.u.size > _SHORT
-    lanes = _fitting_lanes(samples, 1 if alone else _LANES)
+    lanes = _detailed_at_once(samples, len(points))
     found = []
     for first in range(0, len(points), lanes):
         part = list(points[first : first + lanes])
@@ -229,6 +228,10 @@ def simulate_points(
         out = jax.tree.map(np.asarray, _PROGRAMS["detail"](start.candidate, order, samples, fitted))
         found += [jax.tree.map(lambda leaf, i=i: leaf[i], out) for i in range(len(part))]
     return found
+
+
+def _detailed_at_once(samples: Samples, points: int) -> int:
+    return _fitting_lanes(samples, 1 if points == 1 and samples.u.size > _SHORT else _LANES)
 
 
 def _fitting_lanes(samples: Samples, wanted: int) -> int:
@@ -316,15 +319,17 @@ _PROGRAMS: dict[str, Kept] = {
 }
 
 
-def _compile(samples: Samples, lanes: int) -> None:
-    """Have the programs of a search ready, made side by side."""
-    start, order = _stack([Point((1, 0), np.zeros(N_MAX), 0.0)] * lanes, delay=True, offset=True)
-    segments = jnp.ones(samples.n_segments, samples.u.dtype)
+def _compile(samples: Samples, lanes: int, detailed: int) -> None:
+    """Have the programs of a search ready, made side by side; `detailed` lanes of the last."""
+    some = [Point((1, 0), np.zeros(N_MAX), 0.0)]
+    start, order = _stack(some * lanes, delay=True, offset=True)
+    finished, orders = _stack(some * detailed, delay=True, offset=True)
+    longest, segments = jnp.zeros(()), jnp.ones(samples.n_segments, samples.u.dtype)
     given = {
-        "refine": (start, order, samples, jnp.zeros(())),
-        "equation_error": (start.candidate, order, samples, jnp.zeros(())),
-        "judge": (start.candidate, order, samples, jnp.zeros(())),
-        "detail": (start.candidate, order, samples, segments),
+        "refine": (start, order, samples, longest),
+        "equation_error": (start.candidate, order, samples, longest),
+        "judge": (start.candidate, order, samples, longest),
+        "detail": (finished.candidate, orders, samples, segments),
     }
     with ThreadPoolExecutor(AT_ONCE) as pool:
         made = [pool.submit(_PROGRAMS[name].compile, *told) for name, told in given.items()]

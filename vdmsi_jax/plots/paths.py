@@ -2,7 +2,7 @@
 
 from matplotlib.figure import Figure
 
-from ..compare import POSE, Comparison
+from ..compare import Comparison, has_pose
 from .signals import with_gaps
 from .style import COLOURS, WIDTH, colour, envelope, legend_above, styled
 
@@ -14,21 +14,16 @@ def paths(comparison: Comparison) -> Figure:
     record = comparison.record
     figure = Figure(figsize=(WIDTH, 4.8))
     axes = figure.subplots()
-    measured = {"measured": record.channels} if set(POSE) <= set(record.channels) else {}
-    curves = {
-        name: (channels["x"], channels["y"])
-        for name, channels in (
-            measured | {n: p.channels for n, p in comparison.predictions.items() if p.has_path}
-        ).items()
-    }
-    for name, (x, y) in curves.items():
+    moved = {"measured": record.channels} if has_pose(record.channels) else {}
+    moved |= {name: p.channels for name, p in comparison.predictions.items() if p.has_path}
+    for name, channels in moved.items():
         lw, alpha = (2.6, 0.45) if name == "measured" else (1.5, 1.0)
-        east, north = with_gaps(record, x)[1], with_gaps(record, y)[1]
+        east, north = (with_gaps(record, channels[place])[1] for place in ("x", "y"))
         axes.plot(east, north, color=colour(name), label=name, lw=lw, alpha=alpha)
     starts = [segment.start for segment in record.segments]
-    x, y = next(iter(curves.values()))
+    first = next(iter(moved.values()))
     axes.plot(
-        x[starts], y[starts], "o", color=COLOURS["measured"], mfc="white",
+        first["x"][starts], first["y"][starts], "o", color=COLOURS["measured"], mfc="white",
         ms=6, mew=1.5, label="start", zorder=4,
     )  # fmt: skip
     axes.set_aspect("equal", adjustable="datalim")

@@ -28,7 +28,8 @@ def simulation_page(comparisons: Sequence[Comparison]) -> Page:
 def _run(i: int, comparison: Comparison) -> Section:
     predictions = comparison.predictions
     blocks: list[Block] = []
-    if any(p.whole is not None for p in predictions.values()):
+    located = any(p.whole is not None for p in predictions.values())
+    if located:
         blocks += [_tiles(comparison), _errors(comparison)]
     blocks += [
         Text(f"{name}: {p.status}", kind="warning")
@@ -53,17 +54,13 @@ def _run(i: int, comparison: Comparison) -> Section:
             ),
         ]
     if any(p.has_path for p in predictions.values()):
-        caption = "Measured and predicted paths from the same start."
-        if not any(p.whole is not None for p in predictions.values()):
-            caption = "Predicted paths; no pose was measured, and they start at the origin."
+        caption = "Predicted paths; no pose was measured, and they start at the origin."
+        if located:
+            caption = "Measured and predicted paths from the same start."
         blocks.append(Picture(plots.to_svg(plots.paths(comparison), f"run{i}-paths"), caption))
-    if any(p.whole is not None for p in predictions.values()):
-        blocks += [
-            Picture(
-                plots.to_svg(plots.translation_error(comparison), f"run{i}-error"),
-                "Distance between predicted and measured position.",
-            ),
-        ]
+    if located:
+        drawn = plots.to_svg(plots.translation_error(comparison), f"run{i}-error")
+        blocks.append(Picture(drawn, "Distance between predicted and measured position."))
     return Section(comparison.record.name, blocks)
 
 
