@@ -45,6 +45,16 @@ def test_a_model_comes_back_bit_for_bit(tmp_path, grid):
     assert loaded.vehicle == grid.record.vehicle
 
 
+def test_the_plant_without_effects_comes_back_beside_the_one_with_them(tmp_path, grid):
+    fitted = identified({"steering": grid}).plants["steering"]
+    made = ExtendedPlant(fitted.model, (Backlash(0.1),))
+    plain = TransferFunction([2.0, 7.0], [1.0, 3.0, 7.0], delay=0.01, offset=0.2)
+    model = Model({"steering": Plant(fitted.spec, made, plain)})
+    loaded = load_model(save_model(tmp_path / "model.json", model)).plants["steering"]
+    same(Plant(loaded.spec, loaded.plain), plain)
+    same(Plant(loaded.spec, loaded.linear), fitted.model)
+
+
 def test_an_identification_is_a_model(tmp_path, grid):
     document = identify_document({"steering": grid}, [grid.record])
     path = write_json(tmp_path / "identify.json", document)
@@ -99,6 +109,7 @@ def valid():
         (lambda d: d["plants"]["steering"].update(num=["8"]), "num"),
         (lambda d: d["plants"]["steering"].update(dealy=0.1), "did you mean 'delay'"),
         (lambda d: d["plants"]["steering"].pop("input"), "input"),
+        (lambda d: d["plants"]["steering"].update(baseline={"num": [1.0]}), "baseline den"),
         (lambda d: d.update(vehicle={"l_f": 1.0}), "l_r"),
     ],
 )

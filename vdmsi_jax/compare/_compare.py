@@ -58,21 +58,45 @@ def compare(record: Record, model: Model, *, window: float = 20.0) -> Comparison
         problem = f"has none of the model's commands ({asked})"
         raise InputError(record.name, "channels", problem, "name them in [columns]")
     present = replace(model, plants=plants, vehicle=record.vehicle or model.vehicle)
-    predictions = {}
+    predictions, moved, kind = {}, {}, Kind.VDM
     for kind in Kind if present.extended else (Kind.VDM, Kind.VDM_SI):
         channels, status = {}, SUCCESSFUL
         if drives(record, present):
-            channels, status = motion(record, present, kind)
+            moved, status = motion(record, present, kind)
+            channels = dict(moved)
         channels |= responses(record, present, kind, channels)
         if kind is Kind.EXTENDED:
             channels = sensed(record, present, channels)
         predictions[kind.value] = _score(kind.value, status, record, channels, window)
-    floor = None
-    if drives(record, present) and {"v", "delta", *POSE} <= set(record.channels):
-        told = {**record.channels, "v_cmd": record["v"], "delta_cmd": record["delta"]}
-        channels, status = motion(replace(record, channels=told), present, Kind.VDM)
-        floor = _score("measured responses", status, record, channels, window)
-    return Comparison(record, predictions, window, floor)
+    if not (drives(record, present) and {"v", "delta", *POSE} <= set(record.channels)):
+        return Comparison(record, predictions, window)
+
+    def driven(name: str, kind: Kind, v: np.ndarray, delta: np.ndarray) -> Prediction:
+        """The bicycle alone, with these responses in place of the actuators'."""
+        moving = {"v_cmd": _midway(record, v), "delta_cmd": _midway(record, delta)}
+        told = replace(record, channels={**record.channels, **moving})
+        channels, status = motion(told, replace(present, plants={}), kind)
+        return _score(name, status, record, channels, window)
+
+    v, delta = record["v"], record["delta"]
+    return Comparison(
+        record,
+        predictions,
+        window,
+        floor=driven("measured responses", Kind.VDM, v, delta),
+        with_measured={
+            "v": driven("measured v", kind, v, moved["delta"]),
+            "delta": driven("measured delta", kind, moved["v"], delta),
+        },
+    )
+
+
+def _midway(record: Record, response: np.ndarray) -> np.ndarray:
+    """What to hold from each sample to the next in place of a response that moves on between."""
+    ahead = np.append(response[1:], response[-1])
+    ends = [segment.stop - 1 for segment in record.segments]
+    ahead[ends] = response[ends]
+    return 0.5 * (response + ahead)
 
 
 def identified(grids: Mapping[str, OrderGrid], orders: Mapping[str, str] | None = None) -> Model:

@@ -1,7 +1,7 @@
 """What a comparison is."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -90,12 +90,16 @@ class Comparison:
         window: length of the windows of `Prediction.windows`, s.
         floor: the bicycle on the measured speed and angle: the error that no model of the
             actuators can take away. None where a path or a response was not measured.
+        with_measured: of the last model, by `v` and `delta`, the motion with that response as it
+            was measured and the other as predicted: where that is nearer to the measured path, the
+            actuator's model is what is wrong. Empty where `floor` is None.
     """
 
     record: Record
     predictions: Mapping[str, Prediction]
     window: float
     floor: Prediction | None = None
+    with_measured: Mapping[str, Prediction] = field(default_factory=dict)
 
     @property
     def lacking(self) -> str:

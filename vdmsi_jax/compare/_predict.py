@@ -34,7 +34,7 @@ class Kind(enum.Enum):
 
     def of(self, plant: Plant) -> AbstractPlant:
         """What simulates a plant, where its dynamics are wanted."""
-        return plant.model if self is Kind.EXTENDED else plant.linear
+        return plant.model if self is Kind.EXTENDED else plant.plain
 
 
 def drives(record: Record, model: Model) -> bool:
@@ -190,7 +190,7 @@ def _starts(
     """State of a plant at the start of each segment: at rest under that constant command which
     brings its response closest to the first `START_TIME` of the measured one. None, the
     simulation's own start, where the response was not measured or the plant has no rest."""
-    linear = plant.linear.to_plant()
+    linear = (plant.linear if kind is Kind.EXTENDED else plant.plain).to_plant()
     rest, slowest = np.asarray(linear.rest), float(linear.slowest)
     if plant.spec.output not in record or slowest * record.duration * REST_RECORDS <= 1.0:
         return [None] * len(record.segments)

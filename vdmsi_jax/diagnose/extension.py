@@ -42,8 +42,9 @@ def extended_model(
         h = found.final.hypothesis
         late, shift, slow = _sensor_of(bodily, spec.output)
         linear = _without_sensor(transfer_function(found.stage, h), shift, slow)
+        plain = transfer_function(found.stage, found.baseline.hypothesis)
         if not h.active:
-            plants[spec.name] = Plant(spec, linear)
+            plants[spec.name] = Plant(spec, linear, plain)
             continue
         theta = h.theta.copy()
         for slot in found.stage.slots:
@@ -59,7 +60,7 @@ def extended_model(
         substeps = found.stage.signals.substeps
         leads = h.theta[list(LEADS)] / found.stage.pace ** np.arange(1, 3)
         model = ExtendedPlant(linear, on, leads=leads, substeps=substeps)
-        plants[spec.name] = Plant(spec, model)
+        plants[spec.name] = Plant(spec, model, plain)
     body, sensors = ((), ()) if bodily is None else _body(bodily)
     return Model(plants, records[0].vehicle, body=body, sensors=sensors)
 

@@ -31,15 +31,24 @@ class Plant:
     Attributes:
         spec: its name, its command, its response.
         model: the transfer function, or one with effects.
+        baseline: the transfer function that explains the logs best without effects, which is not
+            what is left of a `model` when its effects are taken out: the two were fitted together.
+            None where nothing else than that is known.
     """
 
     spec: PlantSpec
     model: TransferFunction | ExtendedPlant
+    baseline: TransferFunction | None = None
 
     @property
     def linear(self) -> TransferFunction:
-        """The transfer function without effects."""
+        """The transfer function in the model."""
         return self.model.plant if isinstance(self.model, ExtendedPlant) else self.model
+
+    @property
+    def plain(self) -> TransferFunction:
+        """The plant as VDM-SI has it: without effects."""
+        return self.linear if self.baseline is None else self.baseline
 
 
 @dataclass(frozen=True)
@@ -90,7 +99,7 @@ class Model:
             raise InputError("model", "vehicle", "has no geometry, so it has no path", mend)
         powertrain, steering = self.plant("v_cmd", "v"), self.plant("delta_cmd", "delta")
         powertrain, steering = (
-            (plant.model if effects else plant.linear) if dynamics and plant else None
+            (plant.model if effects else plant.plain) if dynamics and plant else None
             for plant in (powertrain, steering)
         )
         return Vehicle(
@@ -170,38 +179,41 @@ def geometry(vehicle: VehicleGeometry) -> dict[str, Any]:
 
 
 def _plant_document(plant: Plant) -> dict[str, Any]:
-    linear, model = plant.linear, plant.model
-    document = {
-        "input": plant.spec.input,
-        "output": plant.spec.output,
-        "num": linear.num,
-        "den": linear.den,
-        "delay": 0.0 if linear.delay is None else linear.delay,
-        "offset": 0.0 if linear.offset is None else linear.offset,
-    }
+    model = plant.model
+    document = {"input": plant.spec.input, "output": plant.spec.output, **_linear(plant.linear)}
+    if plant.baseline is not None:
+        document["baseline"] = _linear(plant.baseline)
     if isinstance(model, ExtendedPlant) and model.effects:
         document["effects"] = documents(model.effects, ACTUATOR, "ACTUATOR")
         document |= {"leads": model.leads, "substeps": model.substeps}
     return document
 
 
+def _linear(plant: TransferFunction) -> dict[str, Any]:
+    return {
+        "num": plant.num,
+        "den": plant.den,
+        "delay": 0.0 if plant.delay is None else plant.delay,
+        "offset": 0.0 if plant.offset is None else plant.offset,
+    }
+
+
+def _refuse_not_finite(entry: Any, *names: str) -> None:
+    for name in names:
+        value = getattr(entry, name)
+        if not all(map(math.isfinite, value if isinstance(value, tuple) else (value,))):
+            raise InputError("model", name, "is not finite", "write the file anew")
+
+
 @dataclass(frozen=True)
-class _Entry:
-    input: str
-    output: str
+class _Linear:
     num: tuple[float, ...]
     den: tuple[float, ...]
     delay: float = 0.0
     offset: float = 0.0
-    effects: tuple[EffectEntry, ...] = ()
-    leads: tuple[float, ...] = (0.0, 0.0)
-    substeps: int = 4
 
     def __post_init__(self):
-        for name in ("num", "den", "delay", "offset", "leads"):
-            value = getattr(self, name)
-            if not all(map(math.isfinite, value if isinstance(value, tuple) else (value,))):
-                raise InputError("model", name, "is not finite", "write the file anew")
+        _refuse_not_finite(self, "num", "den", "delay", "offset")
         if not self.num or len(self.den) < 2 or self.den[0] != 1.0:
             mend = "give num and den in descending powers of s, den beginning with 1"
             raise InputError("model", "den", "is no denominator of a transfer function", mend)
@@ -210,6 +222,24 @@ class _Entry:
             raise InputError("model", "num", improper, "give no more zeros than poles")
         if self.delay < 0.0:
             raise InputError("model", "delay", f"{self.delay} is negative", "give seconds")
+
+    def to_transfer_function(self) -> TransferFunction:
+        num, den = np.array(self.num), np.array(self.den)
+        return TransferFunction(num, den, delay=self.delay, offset=self.offset)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Entry(_Linear):
+    input: str
+    output: str
+    effects: tuple[EffectEntry, ...] = ()
+    leads: tuple[float, ...] = (0.0, 0.0)
+    substeps: int = 4
+    baseline: _Linear | None = None
+
+    def __post_init__(self):
+        super().__post_init__()
+        _refuse_not_finite(self, "leads")
         if len(self.leads) != 2 or min(self.leads) < 0.0:
             mend = "give two numbers, s and s^2, none of them negative"
             raise InputError("model", "leads", f"{list(self.leads)} are no leads", mend)
@@ -219,16 +249,15 @@ class _Entry:
         all_made(self.effects, ACTUATOR, "effects")
 
     def to_plant(self, name: str) -> Plant:
-        num, den = np.array(self.num), np.array(self.den)
-        model = TransferFunction(num, den, delay=self.delay, offset=self.offset)
+        model = self.to_transfer_function()
         spec = PlantSpec(name, self.input, self.output)
+        plain = None if self.baseline is None else self.baseline.to_transfer_function()
         if not self.effects:
-            return Plant(spec, model)
+            return Plant(spec, model, plain)
         made = all_made(self.effects, ACTUATOR, "effects")
         made = tuple(made[i] for i in in_order(made, ACTUATOR))
-        return Plant(
-            spec, ExtendedPlant(model, made, leads=np.array(self.leads), substeps=self.substeps)
-        )
+        extended = ExtendedPlant(model, made, leads=np.array(self.leads), substeps=self.substeps)
+        return Plant(spec, extended, plain)
 
 
 @dataclass(frozen=True)

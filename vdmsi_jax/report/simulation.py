@@ -10,6 +10,8 @@ from .page import Block, Page, Picture, Section, Table, Text, Tiles
 from .phrases import capital, ended
 from .text import number, percent
 
+_MOST = 60.0  # percent of what measured responses would take off an error, to be told as one's
+
 
 def simulation_page(comparisons: Sequence[Comparison]) -> Page:
     """For each log: the scores of each channel, the path and its error, for every model."""
@@ -31,6 +33,8 @@ def _run(i: int, comparison: Comparison) -> Section:
     located = any(p.whole is not None for p in predictions.values())
     if located:
         blocks += [_tiles(comparison), _errors(comparison)]
+        if comparison.with_measured:
+            blocks.append(Text(_where_the_rest_comes_from(comparison)))
     blocks += [
         Text(f"{name}: {p.status}", kind="warning")
         for name, p in predictions.items()
@@ -103,6 +107,32 @@ def _errors(comparison: Comparison) -> Table:
         if floor
         else "",
     )
+
+
+def _where_the_rest_comes_from(comparison: Comparison) -> str:
+    """What the last model's error over windows would be with one response, or both, as measured."""
+
+    def mean(prediction: Prediction | None) -> float:
+        assert prediction is not None and prediction.windows is not None
+        return prediction.windows.ate["mean"]
+
+    last = list(comparison.predictions.values())[-1]
+    own, least = mean(last), mean(comparison.floor)
+    speed, angle = (mean(comparison.with_measured[channel]) for channel in ("v", "delta"))
+    told = (
+        f"Where the error comes from, in the mean over {comparison.window:g} s windows: "
+        f"{last.name} is off by {number(own, 3)} m; with the measured speed in place of its own by "
+        f"{number(speed, 3)} m, with the measured angle by {number(angle, 3)} m, with both by "
+        f"{number(least, 3)} m."
+    )
+    if not own > least:
+        return f"{told} What is left is the bicycle's own, or the pose's."
+    name, taken = min(("powertrain", speed), ("steering", angle), key=lambda pair: pair[1])
+    share = 100.0 * (own - taken) / (own - least)
+    if share < _MOST:
+        return f"{told} Neither actuator's model alone accounts for what more it could reach."
+    most = f"{min(share, 100.0):.0f} %"
+    return f"{told} So {most} of what better actuator models could take off is the {name}'s."
 
 
 def _statistics(prediction: Prediction, window: float) -> dict[str, Any]:
