@@ -23,6 +23,7 @@ from ..models.observer_form import effort_of_steps, observer, slowness_of, steps
 from ..models.state_space import StateSpace
 from ..parameters import Parameter, parameters
 from ..programs import Kept, Static
+from ..threads import each
 from .noise import Noise, OwnNoise
 
 POLES = 4
@@ -30,7 +31,8 @@ LEADS = (2 * POLES, 2 * POLES + 1)  # where those of forces stand in a vector, b
 PER_RUN = ("t", "v", "other", "distance", "begun")  # of the signals
 FIRST_CAUSE = LEADS[-1] + 1  # where the parameters of causes begin
 MOST_LEAD = 30.0
-_PAIRS = 32  # of a vector and a run, that the compiled program simulates side by side
+_PAIRS = 16  # of a vector and a run, that the compiled program simulates side by side: as quick a
+# pair as twice as many, and fewer idle ones; the other processors take the next call
 _START = 0.5  # s, in which a first measurement tells where a run began
 _MOST_USUAL = 1e3  # sizes that a parameter usually has, beyond which none is looked for
 
@@ -199,6 +201,7 @@ class Stage:
         numbers = np.where(on.any(axis=1), on.argmax(axis=1), -1)
         sequence = np.lexsort((numbers, np.any(on & forces, axis=1), fine))
         y = np.empty((len(theta), *self.u.shape))
+        calls = []
         for stepped in (False, True):
             lanes = sequence[fine[sequence] == stepped]
             if not lanes.size:
@@ -207,11 +210,14 @@ class Stage:
             plants = self._plants(theta[lanes], groups[0].h)
             for group in groups:
                 for start in range(0, len(lanes), group.lanes):
-                    part = np.arange(start, min(start + group.lanes, len(lanes)))
-                    own = lanes[part]
-                    y[np.ix_(own, group.runs)] = group.simulate(
-                        plants[part], theta[own], np.any(on[own], axis=0)
-                    )
+                    part = slice(start, start + group.lanes)
+                    calls.append((group, lanes[part], plants[part]))
+
+        def run(call: "tuple[_Group, np.ndarray, np.ndarray]") -> None:
+            group, own, plants = call
+            y[np.ix_(own, group.runs)] = group.simulate(plants, theta[own], np.any(on[own], axis=0))
+
+        each(run, calls)
         return y
 
     def _plants(

@@ -205,6 +205,25 @@ def _refuse_not_finite(entry: Any, *names: str) -> None:
             raise InputError("model", name, "is not finite", "write the file anew")
 
 
+def _transfer_function(entry: "_Linear | _Entry") -> TransferFunction:
+    """What a table of the file holds.
+
+    Raises:
+        InputError: it is none that can be simulated.
+    """
+    _refuse_not_finite(entry, "num", "den", "delay", "offset")
+    if not entry.num or len(entry.den) < 2 or entry.den[0] != 1.0:
+        mend = "give num and den in descending powers of s, den beginning with 1"
+        raise InputError("model", "den", "is no denominator of a transfer function", mend)
+    improper = improper_reason(len(entry.den) - 1, len(entry.num) - 1)
+    if improper:
+        raise InputError("model", "num", improper, "give no more zeros than poles")
+    if entry.delay < 0.0:
+        raise InputError("model", "delay", f"{entry.delay} is negative", "give seconds")
+    num, den = np.array(entry.num), np.array(entry.den)
+    return TransferFunction(num, den, delay=entry.delay, offset=entry.offset)
+
+
 @dataclass(frozen=True)
 class _Linear:
     num: tuple[float, ...]
@@ -213,32 +232,24 @@ class _Linear:
     offset: float = 0.0
 
     def __post_init__(self):
-        _refuse_not_finite(self, "num", "den", "delay", "offset")
-        if not self.num or len(self.den) < 2 or self.den[0] != 1.0:
-            mend = "give num and den in descending powers of s, den beginning with 1"
-            raise InputError("model", "den", "is no denominator of a transfer function", mend)
-        improper = improper_reason(len(self.den) - 1, len(self.num) - 1)
-        if improper:
-            raise InputError("model", "num", improper, "give no more zeros than poles")
-        if self.delay < 0.0:
-            raise InputError("model", "delay", f"{self.delay} is negative", "give seconds")
-
-    def to_transfer_function(self) -> TransferFunction:
-        num, den = np.array(self.num), np.array(self.den)
-        return TransferFunction(num, den, delay=self.delay, offset=self.offset)
+        _transfer_function(self)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Entry(_Linear):
+@dataclass(frozen=True)
+class _Entry:
     input: str
     output: str
+    num: tuple[float, ...]
+    den: tuple[float, ...]
+    delay: float = 0.0
+    offset: float = 0.0
     effects: tuple[EffectEntry, ...] = ()
     leads: tuple[float, ...] = (0.0, 0.0)
     substeps: int = 4
     baseline: _Linear | None = None
 
     def __post_init__(self):
-        super().__post_init__()
+        _transfer_function(self)
         _refuse_not_finite(self, "leads")
         if len(self.leads) != 2 or min(self.leads) < 0.0:
             mend = "give two numbers, s and s^2, none of them negative"
@@ -249,9 +260,9 @@ class _Entry(_Linear):
         all_made(self.effects, ACTUATOR, "effects")
 
     def to_plant(self, name: str) -> Plant:
-        model = self.to_transfer_function()
+        model = _transfer_function(self)
         spec = PlantSpec(name, self.input, self.output)
-        plain = None if self.baseline is None else self.baseline.to_transfer_function()
+        plain = None if self.baseline is None else _transfer_function(self.baseline)
         if not self.effects:
             return Plant(spec, model, plain)
         made = all_made(self.effects, ACTUATOR, "effects")
