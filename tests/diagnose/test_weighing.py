@@ -7,6 +7,7 @@ import pytest
 import made_up_diagnosis
 from vdmsi_jax.config import PlantSpec
 from vdmsi_jax.diagnose.found import Search
+from vdmsi_jax.diagnose.judge import Trial
 from vdmsi_jax.diagnose.leftover import only_where_judged
 from vdmsi_jax.diagnose.naming import Named
 from vdmsi_jax.diagnose.result import (
@@ -20,6 +21,7 @@ from vdmsi_jax.diagnose.result import (
 )
 from vdmsi_jax.diagnose.runs import Runs
 from vdmsi_jax.diagnose.unexplained import BURSTS, WORSE
+from vdmsi_jax.diagnose.verdict import _or_else
 from vdmsi_jax.diagnose.weighing import Weighing, crowd
 
 SEARCH, OTHER = (object.__new__(Search) for _ in range(2))  # by which causes are known as theirs
@@ -38,26 +40,48 @@ def gain(part: float) -> Gain:
     return Gain("y", 90.0, 91.0, 0.1, mse_before=0.05 + part, mse_after=0.05)
 
 
+def trial(part: float) -> Trial:
+    return Trial(gain(part), None, 1.0, 5.0, 0.5, False)
+
+
+def tried(*causes: Named) -> list[tuple[Named, Trial]]:
+    return [(cause, trial(0.2)) for cause in causes]
+
+
 FRICTION, PLAY = named("coulomb_friction"), named("backlash")
 
 
 @pytest.mark.parametrize(("part", "mends"), [(0.01, True), (0.2, False)])
 def test_a_little_play_beside_friction_mends_its_form(part, mends):
-    assert WEIGHING._mends(PLAY, gain(part), [FRICTION, PLAY]) is mends
+    trials = tried(FRICTION, PLAY)
+    assert WEIGHING._mends(PLAY, gain(part), trials) is mends
+    assert not WEIGHING._mends(PLAY, gain(part), trials, leads=True)
 
 
 def test_alone_or_beside_another_kind_or_plant_it_does_not():
     elsewhere = named("coulomb_friction", search=OTHER)
     for beside in ([], [named("saturation")], [elsewhere]):
-        assert not WEIGHING._mends(PLAY, gain(0.01), [PLAY, *beside])
+        assert not WEIGHING._mends(PLAY, gain(0.01), tried(PLAY, *beside))
+
+
+def test_of_two_that_stand_in_for_each_other_the_first_leads():
+    """Play and friction take nearly all together, and each next to nothing beside the other."""
+    both = [(FRICTION, trial(0.012)), (PLAY, trial(0.016))]
+    nearly_all = replace(WEIGHING, extended={"y": replace(SCORE, mse=0.02)})
+    assert nearly_all.leads(PLAY, both) and not nearly_all.leads(FRICTION, both)
+    assert nearly_all.of_its_kind(PLAY, both) == [both[0]]
+    told = _or_else(PLAY, [FRICTION])
+    assert [(r.cause, r.indistinguishable) for r in told.rivals] == [("coulomb_friction", True)]
+    little = replace(WEIGHING, extended={"y": replace(SCORE, mse=0.9)})
+    assert not little.leads(PLAY, both)
 
 
 def test_what_four_others_tell_as_well_is_a_name_only_by_itself():
     vague = named("offset", "backlash", "dead_zone", "drag", "coulomb_friction")
-    assert WEIGHING._mends(vague, gain(0.2), [vague, named("saturation")])
-    assert not WEIGHING._mends(vague, gain(0.2), [vague])
+    assert WEIGHING._mends(vague, gain(0.2), tried(vague, named("saturation")))
+    assert not WEIGHING._mends(vague, gain(0.2), tried(vague))
     fewer = named("offset", "backlash", "dead_zone")
-    assert not WEIGHING._mends(fewer, gain(0.2), [fewer, named("saturation")])
+    assert not WEIGHING._mends(fewer, gain(0.2), tried(fewer, named("saturation")))
 
 
 @pytest.mark.parametrize(("hertz", "nothing"), [(0.02, True), (0.5, False)])

@@ -108,10 +108,12 @@ class Evidence:
         that are one without a name."""
         findings, minor, crowds, of_plant = [], [], [], {}
         for cause, trial in sure:
+            leads = weighing.leads(cause, trials)
+            if leads:  # each would take nearly as much without the other
+                cause = _or_else(cause, [c for c, _ in weighing.of_its_kind(cause, trials)])
             found = self._finding(cause, trial, road, alone=len(trials) == 1)
             puzzle = _doubt(remains.puzzles, cause, trial)
             disturbance = _doubt(remains.disturbed, cause, trial)
-            leads = weighing.leads(cause, trials)
             small = (
                 weighing.minor(cause, trial, found, puzzle, disturbance, leads, trials)
                 or any(f in (cause.finding, cause.body) for f in remains.outdone)
@@ -241,6 +243,10 @@ class Evidence:
             if any((slot.cause, slot.where) == (r.cause, r.where) for r in rivals):
                 other = _in_place(cause.search, cause.finding.less, k)
                 return separate(cause.search.stage, cause.search.final, other)
+        for beside in cause.search.findings:
+            slot = cause.search.stage.slots[beside.number]
+            if any((slot.cause, slot.where) == (r.cause, r.where) for r in rivals):
+                return separate(cause.search.stage, beside.less, cause.finding.less)
         return _SENSOR
 
     def _road(self) -> Road | None:
@@ -281,6 +287,14 @@ def _taken(weighing: Weighing, findings: Sequence[Finding], channel: str) -> flo
     or a delay as well, or of the model without the one that took most."""
     shares = [f.share for f in findings if f.gain.channel == channel]
     return max([weighing.taken(channel), *shares])
+
+
+def _or_else(cause: Named, others: Sequence[Named]) -> Named:
+    """A cause that others of its model could stand in for."""
+    stand_ins = [Rival(other.cause, other.where, 0.0, True) for other in others]
+    names = {(r.cause, r.where) for r in stand_ins}
+    rest = [r for r in cause.rivals if (r.cause, r.where) not in names]
+    return replace(cause, rivals=(*stand_ins, *rest))
 
 
 def _doubt(shares: Mapping[str, float], cause: Named, trial: Trial) -> float:

@@ -70,6 +70,17 @@ class Weighing:
         most, channel, first = max(taken, key=lambda one: one[0])
         return first is cause and most < MINOR and self.taken(channel) > _STRONG
 
+    def of_its_kind(
+        self, cause: Named, trials: Sequence[tuple[Named, Trial]]
+    ) -> list[tuple[Named, Trial]]:
+        """Other causes of an actuator that are told by the same: what one misses the other has."""
+        alike = next((kind for kind in _KINDS if cause.cause in kind), frozenset())
+        return [
+            (other, trial)
+            for other, trial in trials
+            if other.search is cause.search and other is not cause and other.cause in alike
+        ]
+
     def minor(
         self,
         cause: Named,
@@ -103,17 +114,19 @@ class Weighing:
         # the share of a delay is told against a plant without zeros, and says less
         doubted = share < _STRONG or cause.cause == "transport_delay"
         vague = doubted and _vague(cause, found)
-        mends = self._mends(cause, trial.gain, [other for other, _ in trials])
+        mends = self._mends(cause, trial.gain, trials, leads)
         return small or imitated or vague or mends or self._negligible(found)
 
-    def _mends(self, cause: Named, gain: Gain, causes: Sequence[Named]) -> bool:
+    def _mends(
+        self, cause: Named, gain: Gain, trials: Sequence[tuple[Named, Trial]], leads: bool = False
+    ) -> bool:
         """Whether a cause of an actuator only mends the form of another one: a little of what is
-        told of its kind, or what many others would tell as well."""
-        beside = {c.cause for c in causes if c.search is cause.search and c is not cause}
+        told of its kind, unless it leads, or what many others would tell as well."""
+        beside = [c for c, _ in trials if c.search is cause.search and c is not cause]
         if cause.search is None or not beside:
             return False
-        alike = next((kind for kind in _KINDS if cause.cause in kind), frozenset())
-        little = 0.0 <= self._of_all(cause, gain) < MINOR and bool(beside & alike)
+        little = 0.0 <= self._of_all(cause, gain) < MINOR and not leads
+        little = little and bool(self.of_its_kind(cause, trials))
         return little or sum(r.indistinguishable for r in cause.rivals) >= _MANY
 
     def _told_by(self, cause: Named, gain: Gain) -> bool:
