@@ -68,10 +68,13 @@ def test_no_force_acts(effect):
     u, y, rate = (rng.normal(size=n) * 10.0 ** rng.integers(-6, 4, n) for _ in range(3))
     gain = rng.choice([-1.0, 1.0], n) * 10.0 ** rng.uniform(-6, 3, n)
     rate[:20], y[20:40], u[40:60] = 0.0, 0.0, 0.0
-    stuck = (rng.random(n) < 0.5).astype(float)
+    stuck, size = (rng.random(n) < 0.5).astype(float), np.abs(gain)
     for made in forms(effect):
         force = jax.vmap(lambda *at, made=made: made.effort(Effort(*at)))(
-            *map(jnp.asarray, (u, y, rate, gain, stuck, gain[::-1], np.abs(gain), np.full(n, 0.01)))
+            *map(
+                jnp.asarray,
+                (u, y, rate, gain, stuck, gain[::-1], size, size[::-1], np.full(n, 0.01)),
+            )
         )
         np.testing.assert_array_equal(force, 0.0)
 

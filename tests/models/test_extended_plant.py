@@ -11,6 +11,7 @@ from vdmsi_jax.effects.backlash import Backlash
 from vdmsi_jax.effects.coulomb_friction import CoulombFriction
 from vdmsi_jax.effects.drag import Drag
 from vdmsi_jax.effects.offset import Offset
+from vdmsi_jax.effects.rate_limit import RateLimit
 from vdmsi_jax.effects.road_grade import GRAVITY, KNOTS, RoadGrade
 from vdmsi_jax.effects.saturation import Saturation
 from vdmsi_jax.effects.sensor import SensorBias
@@ -225,3 +226,23 @@ def test_many_at_once_and_their_gradients():
     slopes = [(one(row + d) - one(row - d)) / (2 * step) for d in step * np.eye(3)]
     np.testing.assert_allclose(forward(row), reverse(row), rtol=1e-9)
     np.testing.assert_allclose(reverse(row), slopes, rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "plant",
+    [
+        TransferFunction([8.0], [1.0, 8.0]),
+        TransferFunction([160.0], [1.0, 18.0, 160.0]),
+        TransferFunction([290.0, 1200.0], [1.0, 21.6, 188.0, 782.0, 1200.0]),
+        TransferFunction([20.0, 80.0], [1.0, 14.0, 40.0]),
+    ],
+    ids=["a lag", "two", "with a zero that leads", "with a gain of two"],
+)
+def test_behind_a_limited_drive_the_response_moves_at_that_rate(plant):
+    """The limit is the slope that is seen in the response, whatever lags or leads behind it."""
+    limited = ExtendedPlant(plant, (RateLimit(1 / 0.5, 1 / 0.2, at="drive"),), substeps=STEPS)
+    for sign, rate in ((1.0, 0.5), (-1.0, 0.2)):
+        u = np.full(ROWS, 100.0 * sign)
+        y = np.asarray(limited.simulate(u, DT, jnp.zeros(len(plant.den) - 1)).y)
+        slope = np.diff(y)[ROWS // 2 :] / DT
+        np.testing.assert_allclose(slope, sign * rate, rtol=2e-3)

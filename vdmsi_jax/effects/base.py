@@ -76,6 +76,7 @@ class Effort(eqx.Module):
         slowness: seconds of command that a unit of acceleration is worth: the sum of the plant's
             time constants over its gain; where an integrator makes up for it, by the response to it
             before it does.
+        lag: command that the response lags behind one that rises, per rate of the response, s.
         h: length of the sub-step, s.
     """
 
@@ -86,6 +87,7 @@ class Effort(eqx.Module):
     stuck: Float[Array, ""]
     rest: Float[Array, ""]
     slowness: Float[Array, ""]
+    lag: Float[Array, ""]
     h: Float[Array, ""]
 
 

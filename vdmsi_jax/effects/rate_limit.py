@@ -10,12 +10,14 @@ from jaxtyping import Array, Float
 from vdmsi_jax.effects.base import AbstractEffect, Effort, Scales, Signals
 from vdmsi_jax.parameters import parameter
 
+_LEAST = 0.1  # of the plant's time constants, that a drive lags behind at least
+
 
 class RateLimit(AbstractEffect):
     """A largest rate upward and downward: of the response, where the actuator has no more power,
     of the command, where electronics ramp it, or of what a position loop asks of its drive (a
     valve's flow, a motor's speed): the command counts no further ahead of the response than what
-    the response follows at that rate, and what lies behind the drive still lags.
+    the response follows at that rate once it moves so, and what lies behind the drive still lags.
 
     Attributes:
         at: which signal's rate is limited.
@@ -48,7 +50,8 @@ class RateLimit(AbstractEffect):
         if self.at == "drive":
             still = jnp.where(jnp.abs(at.rest) > 1e-12, at.rest, 1e-12)
             # how far ahead the command is per rate; the response moves on within the sub-step
-            unit = jnp.maximum(jnp.abs(at.slowness) + 0.5 * at.h / jnp.abs(still), 1e-9)
+            ahead = jnp.maximum(jnp.abs(at.lag), _LEAST * jnp.abs(at.slowness))
+            unit = jnp.maximum(ahead + 0.5 * at.h / jnp.abs(still), 1e-9)
             rate = (at.u - at.y / still) / unit
         limit = jnp.maximum(1.0, jnp.maximum(rate * self.rising, -rate * self.falling))
         return (rate - rate / limit) * unit

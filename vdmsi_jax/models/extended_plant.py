@@ -12,7 +12,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 
 from vdmsi_jax.effects.base import AbstractEffect, Effort, Signals, late
 from vdmsi_jax.models.linear_plant import LinearPlant
-from vdmsi_jax.models.observer_form import ahead_of, led, slowness_of, steps_of
+from vdmsi_jax.models.observer_form import ahead_of, led, ramp_lag, slowness_of, steps_of
 from vdmsi_jax.models.plant import AbstractPlant, AbstractTrace, PlantResponse
 from vdmsi_jax.models.state_space import StateSpace, propagate
 from vdmsi_jax.models.transfer_function import TransferFunction
@@ -350,6 +350,7 @@ def _dynamics(
     hold = system.C @ system.A @ Fd + system.C @ led(system.B, signals.leads)
     hold = jnp.where(jnp.abs(hold) > 1e-12, hold, 1e-12)
     level, slowness, h = rest[0] + system.D, signals.slowness, signals.h
+    lag = ramp_lag(system, rest)
     n = Bd.shape[0]
     A = [[Ad[i, j] for j in range(n)] for i in range(n)]
     B, F = [Bd[i] for i in range(n)], [Fd[i] for i in range(n)]
@@ -366,7 +367,7 @@ def _dynamics(
         rate = _sum(m[j] * before[j] for j in range(n)) + gain * u - hold * push
         total = push
         for effect in inside:
-            spent = effect.effort(Effort(u, y, rate, hold, stuck, level, slowness, h))
+            spent = effect.effort(Effort(u, y, rate, hold, stuck, level, slowness, lag, h))
             rate, total = rate - hold * spent, total + spent
         stuck = jnp.where(jnp.abs(rate) < 1e-9 * jnp.abs(hold), 1.0, 0.0)
         return (tuple(x[i] - F[i] * total for i in range(n)), stuck), y

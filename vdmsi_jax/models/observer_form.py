@@ -47,6 +47,14 @@ def slowness_of(
     return plain * jnp.where(share > 0.0, ratio, 1.0) ** share
 
 
+def ramp_lag(system: StateSpace, rest: Float[Array, " n"]) -> Float[Array, ""]:
+    """By how much of the command a plant lags behind one that rises, per rate of its response once
+    that rises as fast, s: the sum of its time constants less those of its zeros, over its gain."""
+    order, level = _last(system.B), jnp.where(jnp.abs(rest[0]) > 1e-12, rest[0], 1e-12)
+    push = jnp.where(system.B[order] == 0.0, 1.0, system.B[order])
+    return jnp.where(order > 0, rest[order] / level, 1.0) / push
+
+
 def made_up_for(lead: Array | float) -> Array | float:
     """How far, 0 to 1, a controller makes up for a force that lasts, by the force's lead over the
     sum of the plant's time constants."""
