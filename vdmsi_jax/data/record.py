@@ -43,6 +43,7 @@ class Record:
         steps: name -> size of the steps in which a measurement was logged, where resampling has
             smoothed them.
         windows: name -> length of the parabola that made it of the pose, s, where nobody asked.
+        within: name -> (N, k) what a command was inside each row, where a record was made slower.
         session: time at which it begins of the session that it is a part of, s; zero where it
             stands alone.
     """
@@ -59,11 +60,13 @@ class Record:
     filled: Mapping[str, Bool[np.ndarray, " N"]] = field(default_factory=dict)
     steps: Mapping[str, float] = field(default_factory=dict)
     windows: Mapping[str, float] = field(default_factory=dict)
+    within: Mapping[str, Float[np.ndarray, "N k"]] = field(default_factory=dict)
     session: float = 0.0
 
     def __post_init__(self):
         object.__setattr__(self, "t", _frozen(self.t, np.float64))
-        for name, dtype in (("channels", np.float64), ("filled", np.bool_)):
+        every = (("channels", np.float64), ("filled", np.bool_), ("within", np.float64))
+        for name, dtype in every:
             arrays = {key: _frozen(values, dtype) for key, values in getattr(self, name).items()}
             object.__setattr__(self, name, types.MappingProxyType(arrays))
         for name in ("units", "steps", "windows"):
@@ -275,6 +278,7 @@ class Record:
             t=self.t[index],
             channels={name: values[index] for name, values in self.channels.items()},
             filled={name: mask[index] for name, mask in self.filled.items()},
+            within={name: values[index] for name, values in self.within.items()},
             segments=tuple(
                 Segment(int(start), int(stop), segment.run)
                 for start, stop, segment in zip(edges[:-1], edges[1:], chosen, strict=True)

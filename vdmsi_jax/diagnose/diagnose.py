@@ -21,7 +21,7 @@ from .noise import KnownNoise
 from .prepare import FEWEST, body_of, stage_of, stands
 from .result import Diagnosis
 from .runs import Runs, lay_out, slower
-from .search import search
+from .search import ActsInSteps, search
 from .signs import turned_round
 from .stage import Stage
 from .verdict import Evidence
@@ -67,10 +67,24 @@ def _diagnose(
     several = [records] if isinstance(records, Record) else list(records)
     several, copies = _once(_alike(several, vehicle))
     several, dead = _alive(several)
-    several = [slower(record) for record in several]
     if not any(record.session for record in several):
         several = in_session(several)
     say = told or (lambda _: None)
+    try:
+        found = _looked_into([slower(record) for record in several], noise, say)
+    except ActsInSteps:
+        say("a command acts in steps: looking at every row")
+        found = _looked_into(several, noise, say)
+    return replace(
+        found, unseen=(*copies, *dead, *_unshared(several), *turned_round(several), *found.unseen)
+    )
+
+
+def _looked_into(
+    several: Sequence[Record], noise: Mapping[str, KnownNoise], say: Callable[[str], None]
+) -> Diagnosis:
+    """The diagnosis of records as they are; where it leaves structure that the parts that judge
+    alone show, of other parts."""
     plants = plants_of(several)
     outputs = [spec.output for spec in plants]
     for channel in set(noise) - set(outputs):
@@ -96,9 +110,7 @@ def _diagnose(
         apart = lay_out(several, whole=False, others=True)
         other = _evidence(several, apart, plants, noise, say).diagnosis()
         found = other if _changes(other) >= max(_changes(found), 1) else found
-    return replace(
-        found, unseen=(*copies, *dead, *_unshared(several), *turned_round(several), *found.unseen)
-    )
+    return found
 
 
 def _changes(found: Diagnosis) -> int:

@@ -71,6 +71,7 @@ def stage_of(runs: Runs, spec: PlantSpec, reference: KnownNoise | None = None) -
     shared = (runs.time(), v, other, runs.travelled())
     masks = seen & ~held, seen & held
     stage = make_stage(spec.name, u, y, *masks, shared, allowed, wheres, runs.dt, begun)
+    stage = replace(stage, within=runs.within(spec.input))
     if reference is not None:
         return replace(stage, noise=reference.at(runs.dt))
     known = repeated(repeats(runs), y, seen, stage.scales.time_constant, runs.dt)

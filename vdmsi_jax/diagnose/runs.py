@@ -53,6 +53,12 @@ class Runs:
             [self._padded(r[name] if name in r else np.zeros(r.n), i) for i, r in self._each()]
         )
 
+    def within(self, name: str) -> Float[np.ndarray, "R N k"] | None:
+        """A command inside each row, padded likewise; None where rows are the logs' own."""
+        if not all(name in r.within for r in self.records):
+            return None
+        return np.stack([self._padded(r.within[name], i) for i, r in self._each()])
+
     def seen(self, name: str) -> np.ndarray:
         """(R, N) whether the channel was measured there."""
         rows = []
@@ -95,7 +101,8 @@ class Runs:
 
     def _padded(self, values: np.ndarray, i: int) -> np.ndarray:
         own = values[self.starts[i] : self.stops[i]]
-        return np.pad(own, (0, self.length - len(own)), mode="edge")
+        more = ((0, self.length - len(own)), *((0, 0),) * (own.ndim - 1))
+        return np.pad(own, more, mode="edge")
 
 
 def slower(record: Record) -> Record:
@@ -114,19 +121,21 @@ def slower(record: Record) -> Record:
             start += rows
     at = np.concatenate(index)
 
-    def mean(values: np.ndarray) -> np.ndarray:
-        return values[at[:, None] + np.arange(every)].mean(axis=1)
+    def inside(values: np.ndarray) -> np.ndarray:
+        return values[at[:, None] + np.arange(every)]
 
+    commands = {name for name in record.channels if name.endswith("_cmd")}
     return replace(
         record,
         dt=record.dt * every,
         t=record.t[at],
         channels={
-            name: mean(values) if name.endswith("_cmd") else values[at]
+            name: inside(values).mean(axis=1) if name in commands else values[at]
             for name, values in record.channels.items()
         },
         filled={name: mask[at] for name, mask in record.filled.items()},
         segments=tuple(parts),
+        within={name: inside(record[name]) for name in commands},
     )
 
 

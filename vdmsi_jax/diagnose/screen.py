@@ -16,9 +16,11 @@ from . import swing
 from .colour import spectrum, whiten
 from .hypothesis import Hypothesis, Refit, responses, sensitivities, usable
 from .stage import LEADS, MOST_LEAD, Stage
+from .steps import likely_steps
 
 _LARGEST = 3.0  # a probe may be scaled by so much when its size is estimated
 _TOGETHER = 32  # directions that are judged at once
+_IN_STEPS = 60.0  # gain by steps of a command, from which on the log's own rows are looked at
 RAGGED = ("quantization", "regime_change")
 """Causes whose likelihood has many maxima."""
 
@@ -49,6 +51,9 @@ def screen(stage: Stage, at: Refit, fine: bool = True) -> list[Candidate]:
         at: the hypothesis that is to be extended.
         fine: try those whose likelihood is ragged on a finer grid, too.
     """
+    ground, steps = _Ground(stage, at), {}
+    if fine and not at.hypothesis.active and stage.within is None and _may_round(stage):
+        steps = {by: found for by, (found, _) in likely_steps(stage, at, ground.pull).items()}
     numbers, tried = [], []
     on = {(stage.slots[k].cause, stage.slots[k].where) for k in at.hypothesis.active}
     for number in stage.allowed:
@@ -56,6 +61,10 @@ def screen(stage: Stage, at: Refit, fine: bool = True) -> list[Candidate]:
         if (slot.cause, slot.where) in on:
             continue
         options = [(probe, at.hypothesis.swing) for probe in slot.effect.probes(stage.scales)]
+        if slot.cause == "quantization":
+            options += [
+                ((s,), at.hypothesis.swing) for s in steps.get(getattr(slot.effect, "by", ""), ())
+            ]
         if slot.cause == swing.CAUSE:
             e = np.where(stage.mask, stage.y - at.y, 0.0)
             white = whiten(e[None], at.colour[None])[0] * usable(stage)
@@ -70,7 +79,6 @@ def screen(stage: Stage, at: Refit, fine: bool = True) -> list[Candidate]:
             numbers.append(number)
             tried.append(replace(at.hypothesis, active=active, theta=theta, swing=own))
     y = responses(stage, tried)
-    ground = _Ground(stage, at)
     gains = ground.explained(y - at.simulated)
     best: dict[int, Candidate] = {}
     loudest, loud = None, 0.0  # a colour takes most of a line, and less of its overtones
@@ -121,6 +129,20 @@ def _leads(h: Hypothesis) -> tuple[tuple[float, float], ...]:
     return tried if h.poles < 3 else (*tried, (fast, 0.0))
 
 
+def acts_in_steps(stage: Stage, at: Refit) -> bool:
+    """Whether the command is rounded before it acts on the plain plant, and the rows of the stage
+    are means of the log's own, which cannot tell how."""
+    if stage.within is None or not _may_round(stage):
+        return False
+    ground = _Ground(stage, at)
+    found = likely_steps(stage, at, ground.pull).values()
+    return any(bool(ground.explained(moved, fixed=True).max() > _IN_STEPS) for _, moved in found)
+
+
+def _may_round(stage: Stage) -> bool:
+    return any(stage.slots[number].cause == "quantization" for number in stage.allowed)
+
+
 def _finer(stage: Stage, ground: "_Ground", found: Candidate) -> Candidate:
     """The same cause on a grid about its best step, or its best moment: the likelihood of these is
     ragged, and no refit finds its way far."""
@@ -160,6 +182,15 @@ class _Ground:
         """Gain of twice the log-likelihood by each direction, at its best size unless fixed."""
         parts = range(0, len(directions), _TOGETHER)
         return np.concatenate([self._part(directions[i : i + _TOGETHER], fixed) for i in parts])
+
+    def pull(self, directions: Float[np.ndarray, "L R N"]) -> np.ndarray:
+        """Square that each direction explains under the colour at hand, in units of the
+        innovations, with the sign of its size."""
+        white = self._white(np.where(self.stage.mask, directions, 0.0))
+        shared = white @ self.Q
+        energy = np.sum(white**2, axis=1) - np.sum(shared**2, axis=1)
+        pull = white @ self.error - shared @ self.absorbed
+        return np.sign(pull) * pull**2 / np.maximum(energy, 1e-300)
 
     def _part(self, directions: np.ndarray, fixed: bool) -> np.ndarray:
         directions = np.where(np.isfinite(directions) & self.stage.mask, directions, 0.0)

@@ -14,6 +14,7 @@ from .outcome import completed
 from .price import CAUSE_COST, score
 from .refit import refit
 from .rivals import findings_of
+from .screen import acts_in_steps
 from .selection import cleared, climbed, eliminate, rings_rather
 from .stage import Stage
 from .starts import hilly
@@ -33,11 +34,21 @@ _CLEAR = 2.0  # standard deviations, below which a parameter may be nothing
 _BORNE_OUT = 0.25  # of what such a cause takes where it is fitted, that must last elsewhere
 
 
+class ActsInSteps(Exception):  # noqa: N818 - no error: it asks for the log's own rows
+    """A command acts in steps that only the rows of the log itself can tell."""
+
+
 def search(stage: Stage) -> Search:
-    """Find the causes that a stage's data support."""
+    """Find the causes that a stage's data support.
+
+    Raises:
+        ActsInSteps: the stage's rows are means of the log's own, and those have to be looked at.
+    """
     whole, stage = stage, stage.fitting
     grid = baselines(stage)
     plain = max(grid.values(), key=lambda f: score(stage, f))
+    if acts_in_steps(stage, plain):
+        raise ActsInSteps
     now, screened, seen = climbed(stage, plain, grid)
     now, findings = _swapped(stage, now, seen, set(), set())
     failed: list[Failed] = []

@@ -85,6 +85,8 @@ class Stage:
         pace: inverse of the time unit of the coefficients, 1/s.
         dt: sample period, s.
         noise: what its colour is told by.
+        within: (runs, N, k) the command inside each row, where rows are means of several; None
+            where they are the log's own.
     """
 
     name: str
@@ -100,6 +102,7 @@ class Stage:
     pace: float
     dt: float
     noise: Noise = OwnNoise()
+    within: Float[np.ndarray, "R N k"] | None = None
 
     @cached_property
     def slots(self) -> tuple[Slot, ...]:
@@ -182,7 +185,8 @@ class Stage:
         signals = self.signals
         signals = replace(signals, **{name: getattr(signals, name)[used] for name in PER_RUN})
         parts = {name: getattr(self, name)[used] for name in ("u", "y", "mask", "held_out")}
-        return replace(self, signals=signals, **parts)
+        within = None if self.within is None else self.within[used]
+        return replace(self, signals=signals, within=within, **parts)
 
     def but(self, numbers: Collection[int]) -> "Stage":
         """The same where some causes may not act."""
@@ -219,6 +223,20 @@ class Stage:
 
         each(run, calls)
         return y
+
+    def impulse(
+        self, theta: Float[np.ndarray, " P"], count: int, every: int
+    ) -> Float[np.ndarray, " count"]:
+        """What the plant of a vector, without causes, answers to a command of one that is held for
+        a part of a row, one of `every`: at the beginning of each such part."""
+        row = self._plants(theta[None], jnp.asarray(self.dt / every))[0]
+        steps = _Plant.of_row(jnp.asarray(row))
+        Ad, state = np.asarray(steps.Ad), np.asarray(steps.Bd)[:, 0]
+        taps = np.zeros(count)
+        for k in range(1, count):
+            taps[k] = state[0]
+            state = Ad @ state
+        return taps
 
     def _plants(
         self, theta: Float[np.ndarray, "L P"], h: Float[ArrayLike, ""]
