@@ -115,19 +115,12 @@ def show_reproduction(experiments: Sequence["Experiments"]) -> None:
     show_table(header, rows)
 
 
-VERDICTS = {
-    "no_effect": "No cause: the baseline explains the logs to the noise.",
-    "explained": "Explained.",
-    "unexplained_structure": "There is structure that no known cause accounts for.",
-}
-
-
 def show_diagnosis(diagnosis: "Diagnosis") -> None:
     """The verdict, each finding in words, what it gains, and what remains."""
     from .diagnose.document import in_words, left_over, title
-    from .diagnose.words import disturbed
+    from .diagnose.words import disturbed, verdict
 
-    OUT.print(VERDICTS[diagnosis.verdict], style="bold", soft_wrap=True)
+    OUT.print(f"{verdict(diagnosis)}.", style="bold", soft_wrap=True)
     for i, finding in enumerate(diagnosis.findings, start=1):
         _say(f"{i}. {finding.sentence}")
         if finding.separating_experiment:

@@ -95,8 +95,8 @@ def separate(stage: Stage, final: Refit, rival: Refit) -> str:
         found += [(m.words, float(apart)) for m, apart in zip(batch, each, strict=False)]
     words, apart = max(found, key=lambda pair: pair[1])
     if apart < NEEDED:
-        reached = f"reaches λ = {apart:.1f} of {NEEDED:.0f}"
-        return f"none of the catalogue does: the best, {words}, {reached}"
+        reached = f"with λ = {apart:.1f} of the {NEEDED:.0f} that suffice"
+        return f"{words}, which comes closest of the catalogue, {reached}, and may not do"
     return f"{words} (predicted separation λ = {min(apart, 1e6):.0f}; {NEEDED:.0f} suffice)"
 
 

@@ -61,9 +61,22 @@ def sentence(f: Finding) -> str:
     return " ".join(said)
 
 
+def verdict(d: Diagnosis) -> str:
+    """The verdict in a line."""
+    if d.verdict == "explained":
+        return "Explained"
+    if d.verdict == "unexplained_structure":
+        return "There is structure that no known cause accounts for"
+    if d.unexplained:
+        return "No cause: what the baseline leaves unexplained is small"
+    return "No cause: the baseline explains the logs to the noise"
+
+
 def summary(d: Diagnosis) -> str:
     """The whole answer in a few sentences."""
-    if d.verdict == "no_effect":
+    if d.verdict == "no_effect" and d.unexplained:
+        said = ["No cause stands out, and what the identified plants leave unexplained is small."]
+    elif d.verdict == "no_effect":
         said = ["The identified plants explain these logs to the noise; no cause stands out."]
     elif d.findings:
         said = [f.sentence for f in d.findings]

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure, SubFigure
 
 from ..diagnose.document import in_words, left_over, title
 from ..diagnose.result import Budget, Diagnosis, Finding, Path, Response
-from ..diagnose.words import disturbed
+from ..diagnose.words import disturbed, verdict
 from .overlays import BASELINE, EXTENDED, best_window, draw_residuals, draw_signals, judged_run
 from .signals import NAMES
 from .style import (
@@ -30,10 +30,6 @@ CAUSES = ("#e69f00", "#56b4e9", "#cc79a7", "#d55e00", "#f0e442", "#8da0cb", "#a6
 """Of the causes in a budget: none of them is the colour of a model."""
 NOISE, UNEXPLAINED = "#d5d9de", "#6b7280"
 _LEGEND = ["baseline", "without", "with, ±1.96 se", "predicted", "noise ceiling"]
-VERDICTS = {
-    "no_effect": "No cause: the baseline explains the data to the noise",
-    "unexplained_structure": "There is structure that no known cause accounts for",
-}
 
 
 @styled
@@ -69,7 +65,7 @@ def headline(d: Diagnosis) -> str:
     """The verdict in a line."""
     if d.verdict == "explained":
         return "Explained: " + ", ".join(title(finding) for finding in d.findings)
-    return VERDICTS[d.verdict]
+    return verdict(d)
 
 
 def _draw_overview(figure: SubFigure, d: Diagnosis) -> None:

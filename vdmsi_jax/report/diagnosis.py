@@ -15,6 +15,8 @@ from .text import number, percent
 
 VERDICTS = {
     "no_effect": "The simulation explains the logs to the noise. No cause had to be added.",
+    "no_effect in part": "The simulation explains the logs but for little, which is stated under "
+    "“What remains”. No cause had to be added.",
     "explained": "The simulation is wrong, and the causes below account for it.",
     "explained in part": "The simulation is wrong. The causes below account for most of it; what "
     "they leave is stated under “What remains”.",
@@ -54,8 +56,8 @@ def diagnosis_page(diagnosis: Diagnosis) -> Page:
 
 def _in_short(d: Diagnosis) -> list[Block]:
     kind = "warning" if d.verdict == "unexplained_structure" else "note"
-    partly = d.verdict == "explained" and d.unexplained
-    verdict = VERDICTS["explained in part" if partly else d.verdict]
+    partly = d.unexplained and d.verdict != "unexplained_structure"
+    verdict = VERDICTS[f"{d.verdict} in part" if partly else d.verdict]
     return [Text(verdict, kind=kind), Text(d.summary), _tiles(d)]
 
 
