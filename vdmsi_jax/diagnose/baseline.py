@@ -6,9 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from .hypothesis import Hypothesis, Refit, responses
+from .lanes import POLES
 from .price import score
 from .refit import refit
-from .stage import POLES, Stage
+from .stage import Stage
 from .starts import first_order, nested
 
 ORDERS = ((1, 0), (2, 0), (2, 1), (3, 0), (3, 1), (3, 2), (4, 0), (4, 1), (4, 2), (4, 3))

@@ -18,7 +18,8 @@ from .body import CAUSES
 from .body_search import BodySearch
 from .found import Search
 from .hypothesis import Hypothesis
-from .stage import FIRST_CAUSE, LEADS, POLES, Stage, Unravel
+from .lanes import FIRST_CAUSE, LEADS, POLES, Unravel
+from .stage import Stage
 
 
 def plain_model(searches: Mapping[PlantSpec, Search], records: Sequence[Record]) -> Model:

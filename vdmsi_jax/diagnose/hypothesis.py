@@ -10,7 +10,8 @@ from jaxtyping import Float
 from . import swing
 from .colour import whiten
 from .free_response import begun, mode
-from .stage import LEADS, POLES, Stage
+from .lanes import LEADS, POLES
+from .stage import Stage
 
 _STEP = 1e-4  # of a parameter's usual size, for differences
 BEYOND = 8  # reaches of the whitening filter, over which residuals count as one sample

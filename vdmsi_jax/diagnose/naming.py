@@ -14,8 +14,9 @@ from .body_search import BodyFinding, BodySearch
 from .colour import whiten
 from .found import MARGIN, Finding, Search
 from .hypothesis import Hypothesis, Refit
+from .lanes import LEADS
 from .result import Estimate, Rival
-from .stage import LEADS, Slot
+from .stage import Slot
 
 _CLEAR = 2.0  # standard errors from which a drift is told as bent, and a change as slowing
 _HALF = 0.5  # of a value, by which two that are one may differ, however uncertain they are

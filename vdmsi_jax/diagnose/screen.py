@@ -15,7 +15,8 @@ from jaxtyping import Float
 from . import swing
 from .colour import spectrum, whiten
 from .hypothesis import Hypothesis, Refit, responses, sensitivities, usable
-from .stage import LEADS, MOST_LEAD, Stage
+from .lanes import LEADS
+from .stage import MOST_LEAD, Stage
 from .steps import likely_steps
 
 _LARGEST = 3.0  # a probe may be scaled by so much when its size is estimated

@@ -9,11 +9,12 @@ import numpy as np
 
 from .baseline import best_of_each, closest, grown, order_of
 from .hypothesis import Hypothesis, Refit
+from .lanes import FIRST_CAUSE, LEADS, POLES
 from .outcome import steadiness
 from .price import price, score
 from .refit import refit
 from .screen import Candidate, leading, screen
-from .stage import FIRST_CAUSE, LEADS, POLES, Stage
+from .stage import Stage
 from .starts import (
     backward,
     bent,

@@ -7,7 +7,8 @@ import numpy as np
 
 from ..effects import AbstractEffect, Scales
 from .hypothesis import Hypothesis, Refit
-from .stage import POLES, Stage
+from .lanes import POLES
+from .stage import Stage
 
 _STATIC = ("saturation", "dead_zone", "gain_nonlinearity", "gain_asymmetry")
 _TWO_SIDED = ("saturation", "rate_limit")
