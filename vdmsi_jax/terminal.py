@@ -74,7 +74,7 @@ def show_grids(grids: Mapping[str, "OrderGrid"]) -> None:
     header = ["plant", "order", "FIT %", "held out %", "MSE", "delay ms", "status"]
     show_table(header, rows)
     for name, grid in grids.items():
-        for warning in grid.best.warnings:
+        for warning in (*filter(None, [grid.note]), *grid.best.warnings):
             OUT.print(f"{name}: {warning}", soft_wrap=True)
 
 

@@ -21,7 +21,10 @@ def identify_document(grids: Mapping[str, OrderGrid], records: Sequence[Record])
         "logs": [record.name for record in records],
         "vehicle": None if vehicle is None else geometry(vehicle),
         "plants": {name: plant_document(grid) for name, grid in grids.items()},
-        "repairs": [f"{record.name}: {told}" for record in records for told in record.repairs],
+        "repairs": [
+            *(f"{record.name}: {told}" for record in records for told in record.repairs),
+            *(f"{name}: {grid.note}" for name, grid in grids.items() if grid.note),
+        ],
     }
 
 

@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 from vdmsi_jax.config import IdentifyOptions, PlantSpec
 from vdmsi_jax.data import check_excitation
 from vdmsi_jax.data.record import Record
+from vdmsi_jax.identify.most_moved import most_moved
 from vdmsi_jax.identify.orders import order_grid
 from vdmsi_jax.identify.result import OrderGrid
 from vdmsi_jax.programs import make_room
 from vdmsi_jax.threads import one_for_blas
+
+_MOST = 200_000  # samples that are looked at; more would take minutes, and memory
 
 
 def identify(
@@ -40,6 +43,9 @@ def identify(
 
     **Raises:** `InputError` where the channels are missing, do not move, or are too short.
 
+    Of more than 200 000 samples those are looked at in which the command moves most; the record of
+    the result holds these, and its `note` tells so.
+
     Works in the precision of JAX: in float32 (the default of JAX) a warning tells what it costs.
     Nothing is held out, with a warning, where the rest would show no change of the command.
     """
@@ -50,6 +56,7 @@ def identify(
     options = replace(options, **overrides)
     spec = plant if isinstance(plant, PlantSpec) else record.plant(plant)
     check_excitation(record, spec)
+    record, note = _within_reach(record, spec)
     if jnp.zeros(()).dtype != jnp.float64:
         warnings.warn(
             "identifying in float32: orders above P2 lose digits and may not converge; "
@@ -66,7 +73,18 @@ def identify(
         )
         held_out = np.zeros(record.n, bool)
     with one_for_blas():
-        return order_grid(record, held_out, spec, options)
+        return replace(order_grid(record, held_out, spec, options), note=note)
+
+
+def _within_reach(record: Record, plant: PlantSpec) -> tuple[Record, str]:
+    """The record, or of a very long one as much as is looked at, and what to say of that."""
+    part, index = most_moved(record, plant, _MOST)
+    if len(index) == record.n:
+        return record, ""
+    return part, (
+        f"identified on {len(index)} of {record.n} samples, in the {len(part.segments)} stretches "
+        f"in which {plant.input} moves most"
+    )
 
 
 def _held_out(record: Record, options: IdentifyOptions) -> NDArray[np.bool_]:

@@ -16,12 +16,14 @@ from vdmsi_jax.errors import InputError
 from vdmsi_jax.identify.acceleration import measures_acceleration, speed_of
 from vdmsi_jax.identify.first_order import first_look
 from vdmsi_jax.identify.layout import Samples, Scale, lay_out
+from vdmsi_jax.identify.most_moved import most_moved
 from vdmsi_jax.identify.response import N_LINEAR, N_MAX
 from vdmsi_jax.identify.result import Fit, Floats, OrderGrid
 from vdmsi_jax.identify.search import Point, Search, simulate_points
 from vdmsi_jax.identify.uncertainty import parameter_covariance, support_remarks
 from vdmsi_jax.models.transfer_function import TransferFunction, improper_reason
 
+_LOOKED = 20_000  # samples that the search looks at; of more, it settles on all what some taught
 _LONGEST_DELAY = 0.1  # of the record, where the user states no bound
 _DRIFT = 3.0  # points of FIT for which an unsupported order is taken
 _SAME_AS = "no better than what it contains: "
@@ -45,8 +47,13 @@ def order_grid(
     scale, delays = _scale(record, plant, measured & ~held_out, longest)
     samples, where = lay_out(record, plant, scale, measured & ~held_out)
     bounds = {"longest_delay": float(longest) or None, "offset": options.offset}
-    search = Search(samples, proper, **bounds)
-    found = search.run(delays if longest else (0.0,))
+    part, index = most_moved(record, plant, _LOOKED)
+    some = samples
+    if len(index) < record.n:
+        some, _ = lay_out(part, plant, scale, (measured & ~held_out)[index])
+    found = Search(some, proper, **bounds).run(delays if longest else (0.0,))
+    if some is not samples:
+        found = Search(samples, proper, **bounds).polish(found.values())
     scores = {}
     if held_out.any():
         seen = np.array([not held_out[s.start : s.stop].all() for s in record.segments])
@@ -62,9 +69,11 @@ def order_grid(
                 predicted,
             )
         samples, _ = lay_out(record, plant, scale, measured)
-        found = Search(samples, proper, **bounds).settle(found.values())
-    everything = np.ones(len(record.segments), bool)
-    details = _simulated(samples, where, found, everything, options)
+        everything = Search(samples, proper, **bounds)
+        again = everything.settle if len(index) == record.n else everything.polish
+        found = again(found.values())
+    every = np.ones(len(record.segments), bool)
+    details = _simulated(samples, where, found, every, options)
     fits = {
         order: _fit(record, plant, options, scale, point, details[order], scores.get(order))
         for order, point in found.items()

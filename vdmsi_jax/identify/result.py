@@ -111,7 +111,7 @@ class OrderGrid:
     `held_out` `(n,)` tells the samples of `record` that gave the held-out scores. `chosen` is the
     paper's rule: the smallest order (poles + zeros, then poles) whose FIT is within `fit_loss`
     points of the best that the data support. `chosen_by_bic` has the least BIC. They may differ;
-    both are told.
+    both are told. `note` says what was looked at where that is not all.
     """
 
     plant: PlantSpec
@@ -121,6 +121,7 @@ class OrderGrid:
     chosen: str
     chosen_by_bic: str
     fit_loss: float
+    note: str = ""
 
     def __getitem__(self, order: str) -> Fit:
         if order not in self.fits:

@@ -104,6 +104,26 @@ class Search:
         """The best found for every order, from one point of each, which is near it."""
         return self._settle(self._improve({}, list(points)), lines=0, most=_AGAIN)
 
+    def polish(self, points: Iterable[Point]) -> dict[tuple[int, int], Point]:
+        """The best of every order next to one point of each, which a search on a part of these
+        samples found. Orders start from each other again only where one is worse than one that it
+        contains, as where a pole that grew little over that part grows much over all."""
+        best, changed = self._improve({}, list(points)), set(self.orders)
+        for _ in range(_ROUNDS):
+            before, fallen = best, {o for o in self.orders if self._fallen(best, o)}
+            starts = [p for p in self._nested(best, set(self.orders), 0) if p.order in fallen]
+            best = self._improve(best, starts, most=_AGAIN, again=changed - fallen)
+            changed = {o for o in self.orders if best[o].cost < before[o].cost * (1 - _GAIN)}
+            if not changed:
+                break
+        return {o: replace(p, converged=o not in changed) for o, p in best.items()}
+
+    def _fallen(self, best: dict[tuple[int, int], Point], order: tuple[int, int]) -> bool:
+        """Whether an order is worse than one that it contains."""
+        n, m = order
+        inside = [best[o].cost for o in ((n, m - 1), (n - 1, m - 1), (n - 1, m)) if o in best]
+        return bool(best[order].cost > (1.0 + _GAIN) * min(inside, default=np.inf))
+
     def _settle(
         self, best: dict[tuple[int, int], Point], *, lines: int, most: int
     ) -> dict[tuple[int, int], Point]:

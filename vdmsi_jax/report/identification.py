@@ -8,6 +8,7 @@ from .. import plots
 from ..data.record import Record
 from ..identify.result import Fit, OrderGrid
 from .page import Block, Bullets, Formula, Page, Picture, Section, Table, Text, Tiles
+from .phrases import capital, ended
 from .text import number, percent, polynomial, roots
 
 
@@ -58,6 +59,7 @@ def what_was_read(records: Sequence[Record]) -> list[Block]:
 def _plant(name: str, grid: OrderGrid) -> Section:
     fit = grid.best
     blocks: list[Block] = [
+        *([Text(ended(capital(grid.note)), kind="note")] if grid.note else []),
         Text(_choice(grid)),
         Picture(
             plots.to_svg(plots.order_grid(grid), f"{name}-grid"),
