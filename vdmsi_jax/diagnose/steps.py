@@ -19,6 +19,7 @@ _APART = 0.5  # of a turn over that range, between two steps that are tried
 _CLOSER = 16  # sizes that are tried about the likeliest ones
 _KEPT = 2  # of them, of either sign
 _AT_ONCE = 64
+_ROWS, _RUNS = 16_384, 4  # of the log's own rows of a run, and runs, that are looked at
 
 
 def rounding(u: np.ndarray, step: np.ndarray, by: str) -> np.ndarray:
@@ -30,7 +31,8 @@ def rounding(u: np.ndarray, step: np.ndarray, by: str) -> np.ndarray:
 def likely_steps(
     stage: Stage, at: Refit, pull: Callable[[np.ndarray], np.ndarray]
 ) -> dict[str, tuple[np.ndarray, Float[np.ndarray, "k R N"]]]:
-    """The likeliest sizes of a step by either rounding, and by what the response is then another.
+    """The likeliest sizes of a step by either rounding, and by what the response is then another;
+    nothing of a command that does not move.
 
     Args:
         stage: the data; `within` where its rows are means.
@@ -38,7 +40,10 @@ def likely_steps(
         pull: of directions (L, R, N), the square that each explains, with the sign of its share.
     """
     u = stage.u[..., None] if stage.within is None else stage.within
+    u = u[:_RUNS, : max(_ROWS // u.shape[2], 1)]
     reach = float(np.ptp(u))
+    if not reach > 0.0:
+        return {}
     answers = _Answers(stage, at, u)
 
     def told(steps: np.ndarray, by: str) -> np.ndarray:
@@ -64,15 +69,19 @@ def likely_steps(
 class _Answers:
     """What a linear plant answers to additions to its command."""
 
-    def __init__(self, stage: Stage, at: Refit, u: Float[np.ndarray, "R N E"]):
-        self.every = u.shape[2]
+    def __init__(self, stage: Stage, at: Refit, u: Float[np.ndarray, "some part E"]):
+        self.shape, self.every = stage.u.shape, u.shape[2]
         self.rows = u.shape[1] * self.every
         taps = stage.impulse(at.hypothesis.theta, self.rows, self.every)
         self.size = 1 << (2 * self.rows - 1).bit_length()
         self.transfer = np.fft.rfft(taps, self.size)
 
-    def to(self, added: Float[np.ndarray, "L R N E"]) -> Float[np.ndarray, "L R N"]:
-        """At the first of the rows that each of the stage's is made of."""
-        flat = added.reshape(*added.shape[:2], self.rows)
+    def to(self, added: Float[np.ndarray, "L some part E"]) -> Float[np.ndarray, "L R N"]:
+        """At the first of the rows that each of the stage's is made of; nothing in runs, and ends
+        of them, that are not looked at."""
+        many, some, part, _ = added.shape
+        flat = added.reshape(many, some, self.rows)
         answer = np.fft.irfft(np.fft.rfft(flat, self.size) * self.transfer, self.size)
-        return answer[..., : self.rows : self.every]
+        found = np.zeros((many, *self.shape))
+        found[:, :some, :part] = answer[..., : self.rows : self.every]
+        return found
