@@ -58,6 +58,13 @@ def test_a_little_play_beside_friction_mends_its_form(part, mends):
     assert not WEIGHING._mends(PLAY, gain(part), trials, leads=True)
 
 
+def test_a_little_of_a_mode_beside_a_limited_rate_mends_its_form():
+    mode, limit = named("resonance"), named("rate_limit")
+    assert WEIGHING._mends(mode, gain(0.002), tried(limit, mode))
+    assert not WEIGHING._mends(mode, gain(0.1), tried(limit, mode))
+    assert not WEIGHING._mends(mode, gain(0.002), tried(PLAY, mode))
+
+
 def test_alone_or_beside_another_kind_or_plant_it_does_not():
     elsewhere = named("coulomb_friction", search=OTHER)
     for beside in ([], [named("saturation")], [elsewhere]):

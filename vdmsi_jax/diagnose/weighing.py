@@ -34,6 +34,7 @@ _DAMPED = 0.24  # ratio, from which a mode is rather two poles that the plant la
 _KINDS = (
     frozenset({"coulomb_friction", "backlash"}),
     frozenset({"road_grade", "periodic_disturbance"}),
+    frozenset({"rate_limit", "resonance"}),  # a loop whose drive is limited rings as it lets go
 )  # causes of which one tells what the form of the other misses
 _MANY = 4  # rivals that explain the logs as well, from which on a cause beside others is anything
 _CROWD = 4  # causes of one actuator, from which on they are one that the library lacks
