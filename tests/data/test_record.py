@@ -2,6 +2,7 @@
 noise."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -69,11 +70,13 @@ def test_a_record_does_not_change():
 
 
 def test_it_survives_pickling():
-    made = record()
+    made = replace(record(), session=3.0)
+    made = replace(made, within={"v": np.stack([made["v"], made["v"]], axis=1)})
     again = pickle.loads(pickle.dumps(made))
     np.testing.assert_array_equal(again["v"], made["v"])
     np.testing.assert_array_equal(again.measured("v"), made.measured("v"))
-    assert again.segments == made.segments
+    assert again.segments == made.segments and again.session == 3.0
+    np.testing.assert_array_equal(again.within["v"], made.within["v"])
 
 
 def test_an_unknown_channel_or_plant_names_the_nearest():

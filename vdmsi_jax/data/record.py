@@ -95,6 +95,7 @@ class Record:
             dict(self.filled),
             dict(self.steps),
             dict(self.windows),
+            dict(self.within),
             self.session,
         )
         return type(self), own
