@@ -117,8 +117,8 @@ def show_reproduction(experiments: Sequence["Experiments"]) -> None:
 
 def show_diagnosis(diagnosis: "Diagnosis") -> None:
     """The verdict, each finding in words, what it gains, and what remains."""
-    from .diagnose.document import in_words, left_over, title
-    from .diagnose.words import disturbed, verdict
+    from .diagnose.document import left_over, title
+    from .diagnose.words import disturbed, in_words, verdict
 
     OUT.print(f"{verdict(diagnosis)}.", style="bold", soft_wrap=True)
     for i, finding in enumerate(diagnosis.findings, start=1):

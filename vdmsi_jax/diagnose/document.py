@@ -17,6 +17,7 @@ from .result import (
     Rival,
     Unexplained,
 )
+from .words import in_words
 
 DIAGNOSIS = "vdmsi.diagnosis/1"
 
@@ -115,11 +116,6 @@ def title(finding: Finding) -> str:
     names = (finding.cause, *finding.indistinguishable_from)
     place = finding.channel or finding.where
     return f"{' or '.join(map(in_words, names))} ({place})"
-
-
-def in_words(cause: str) -> str:
-    """A cause of the contract as people write it."""
-    return cause.replace("_", " ").replace("coulomb", "Coulomb")
 
 
 def left_over(left: Unexplained) -> str:

@@ -11,9 +11,9 @@ def number(value: float) -> str:
     return f"{value:.3g}"
 
 
-def title(cause: str) -> str:
-    """`gain_nonlinearity` -> `gain nonlinearity`."""
-    return cause.replace("_", " ")
+def in_words(cause: str) -> str:
+    """A cause of the contract as people write it."""
+    return cause.replace("_", " ").replace("coulomb", "Coulomb")
 
 
 def sentence(f: Finding) -> str:
@@ -23,9 +23,9 @@ def sentence(f: Finding) -> str:
     for name, e in list(f.parameters.items())[:3]:
         unit = "" if e.unit == "1" else f" {e.unit}"
         spread = f" ± {e.std:.2g}" if e.std == e.std else ""
-        sizes.append(f"{title(name)} {number(e.value)}{spread}{unit}")
+        sizes.append(f"{in_words(name)} {number(e.value)}{spread}{unit}")
     form = f" {f.form}" if f.form else ""
-    said = [f"{place[:1].upper()}{place[1:]}: {title(f.cause)}{form}, {', '.join(sizes)}."]
+    said = [f"{place[:1].upper()}{place[1:]}: {in_words(f.cause)}{form}, {', '.join(sizes)}."]
     if "phase" in f.parameters:
         said.append("Every run begins at a phase of its own; this is the first's.")
     g = f.gain
@@ -50,13 +50,13 @@ def sentence(f: Finding) -> str:
             )
     close = [r for r in f.rivals if r.indistinguishable]
     if close:
-        words = list(dict.fromkeys(title(r.cause) for r in close))
+        words = list(dict.fromkeys(in_words(r.cause) for r in close))
         names = " or ".join(words[:_MOST] + ["others"] * (len(words) > _MOST))
         said.append(f"{names[:1].upper()}{names[1:]} cannot be told apart from these logs;")
         said[-1] += f" to separate them: {f.separating_experiment}."
     out = [r for r in f.rivals if not r.indistinguishable][:2]
     if out:
-        names = " and ".join(title(r.cause) for r in out)
+        names = " and ".join(in_words(r.cause) for r in out)
         said.append(f"Ruled out: {names}.")
     return " ".join(said)
 
@@ -89,7 +89,7 @@ def summary(d: Diagnosis) -> str:
             f"{number(after)} m with the causes."
         )
     if d.minor:
-        names = ", ".join(title(f.cause) for f in d.minor)
+        names = ", ".join(in_words(f.cause) for f in d.minor)
         said.append(f"Significant, yet small or not sure enough to be named: {names}.")
     for u in d.unexplained[:3]:
         why = f"; {u.test}" if u.test else ""

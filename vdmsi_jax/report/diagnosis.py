@@ -4,9 +4,9 @@ import math
 from collections.abc import Mapping, Sequence
 
 from .. import plots
-from ..diagnose.document import in_words, title
+from ..diagnose.document import title
 from ..diagnose.result import ChannelScore, Diagnosis, Estimate, Finding, Gain, Response
-from ..diagnose.words import disturbed
+from ..diagnose.words import disturbed, in_words
 from ..plots.style import pretty_unit, squared_unit
 from .identification import what_was_read
 from .page import Block, Bullets, Page, Picture, Section, Table, Text, Tiles
