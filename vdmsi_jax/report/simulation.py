@@ -33,7 +33,8 @@ def _run(i: int, comparison: Comparison) -> Section:
     located = any(p.whole is not None for p in predictions.values())
     if located:
         blocks += [_tiles(comparison), _errors(comparison)]
-        if comparison.with_measured:
+        compared = [*predictions.values()][-1:] + [*comparison.with_measured.values()]
+        if comparison.with_measured and all(p.windows is not None for p in compared):
             blocks.append(Text(_where_the_rest_comes_from(comparison)))
     blocks += [
         Text(f"{name}: {p.status}", kind="warning")
