@@ -9,6 +9,7 @@ import numpy as np
 
 from ..config import PlantSpec, VehicleGeometry, canonical_of
 from ..data import check_excitation
+from ..data.outliers import without_outliers
 from ..data.record import Record
 from ..data.session import in_session
 from ..errors import InputError
@@ -66,6 +67,7 @@ def _diagnose(
 ) -> Diagnosis:
     several = [records] if isinstance(records, Record) else list(records)
     several, copies = _once(_alike(several, vehicle))
+    several, alone = _among_their_like(several)
     several, dead = _alive(several)
     if not any(record.session for record in several):
         several = in_session(several)
@@ -76,7 +78,8 @@ def _diagnose(
         say("a command acts in steps: looking at every row")
         found = _looked_into(several, noise, say)
     return replace(
-        found, unseen=(*copies, *dead, *_unshared(several), *turned_round(several), *found.unseen)
+        found,
+        unseen=(*copies, *alone, *dead, *_unshared(several), *turned_round(several), *found.unseen),
     )
 
 
@@ -177,6 +180,19 @@ def _once(records: list[Record]) -> tuple[list[Record], list[str]]:
         else:
             told.append(f"{record.name} holds what {same.name} holds and was left out.")
     return kept, told
+
+
+def _among_their_like(records: list[Record]) -> tuple[list[Record], list[str]]:
+    """The records without outliers of their sensors, which no cause of a library makes, and what is
+    left out."""
+    pairs = [without_outliers(record) for record in records]
+    told = [
+        f"{record.name}: {count} samples of {channel} stand alone, far from those about them, as "
+        "outliers of a sensor do: left out."
+        for record, counts in pairs
+        for channel, count in counts.items()
+    ]
+    return [record for record, _ in pairs], told
 
 
 def _alive(records: list[Record]) -> tuple[list[Record], list[str]]:

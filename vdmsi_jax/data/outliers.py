@@ -1,0 +1,101 @@
+"""Outliers of a sensor: samples that stand alone, far from those about them."""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from .record import Record
+
+_ABOUT = 4  # samples before and behind, whose median is what a sample is held against
+_SPREADS = 8.0  # standard deviations of usual samples, from which on one is far,
+_BEYOND = 3.0  # and times what all but the rare ones stay below
+_BESIDE = [0, 2, 6, 8]
+_CUBIC = np.array([-1.0, 4.0, 4.0, -1.0]) / 6.0  # through samples two and four away, at the middle
+_FOREMOST = 0.3  # of the largest nearby, below which a sample is off since that one is
+_LONGEST = 3  # samples in a row that are still alone: one that was resampled is two or three
+_RARE = 0.02  # of the samples; what is more frequent is no accident
+_ANSWERS = 5  # samples behind a pulse of a command, that answer it
+
+
+def without_outliers(record: Record) -> tuple[Record, dict[str, int]]:
+    """The record with the outliers of what was measured filled in and marked as such, and how many
+    there were by channel. What follows a command that stands out likewise is none.
+
+    Source: Hampel, The influence curve and its role in robust estimation (1974); Pearson, Outliers
+    in process modeling and identification (2002).
+    """
+    inputs = {plant.input for plant in record.plants} | {"v_cmd", "delta_cmd"}
+    pulses = np.zeros(record.n, bool)
+    for name in inputs & set(record.channels):
+        for segment in record.segments:
+            pulses[segment.samples] |= _answering(_far(record[name][segment.samples]))
+    channels, filled, counts = dict(record.channels), dict(record.filled), {}
+    for name in record.channels:
+        if name in inputs:
+            continue
+        values = np.unwrap(record[name]) if name == "psi" else record[name]
+        alone = np.zeros(record.n, bool)
+        for segment in record.segments:
+            own = values[segment.samples]
+            alone[segment.samples] = _short(_far(own, _step(own)))
+        alone &= record.measured(name) & ~pulses
+        if not 0 < alone.sum() <= _RARE * record.n:
+            continue
+        mended = values.copy()
+        for segment in record.segments:
+            at = np.arange(segment.start, segment.stop)
+            bad = alone[at]
+            if bad.any() and not bad.all():
+                mended[at[bad]] = np.interp(at[bad], at[~bad], values[at[~bad]])
+        channels[name], filled[name] = mended, ~record.measured(name) | alone
+        counts[name] = int(alone.sum())
+    return (replace(record, channels=channels, filled=filled), counts) if counts else (record, {})
+
+
+def _far(x: Float[np.ndarray, " n"], usual: float = 0.0) -> Bool[np.ndarray, " n"]:
+    """Samples farther than usual from the median of those about them, and from where these lead
+    smoothly: the first is blind to edges, the second to bends."""
+    if x.size <= 2 * _ABOUT:
+        return np.zeros(x.size, bool)
+    about = _about(x)
+    off_middle, off_way = x - np.median(about, axis=1), x - about[:, _BESIDE] @ _CUBIC
+    size = np.abs(off_middle)
+    foremost = size > _FOREMOST * _about(size).max(axis=1)  # those beside one are off by little
+    rare = _RARE  # an outlier is the neighbour of four samples, too, that seem off their way
+    far = _stands_out(off_middle, rare, usual) & _stands_out(off_way, 5.0 * rare, usual)
+    return far & foremost
+
+
+def _about(x: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 9"]:
+    """Each sample among those before and behind."""
+    padded = np.pad(x, _ABOUT, mode="reflect", reflect_type="odd")
+    return np.lib.stride_tricks.sliding_window_view(padded, 2 * _ABOUT + 1)
+
+
+def _step(x: Float[np.ndarray, " n"]) -> float:
+    """By what a signal usually moves, where it does: of a coarse one, the step of its counter."""
+    steps = np.abs(np.diff(x))
+    return float(_BEYOND * np.median(steps[steps > 0.0])) if np.any(steps) else 0.0
+
+
+def _stands_out(away: Float[np.ndarray, " n"], rare: float, usual: float) -> Bool[np.ndarray, " n"]:
+    """Where something is far beyond its usual size, and beyond one that is `usual` anyway."""
+    size = np.abs(away)
+    spread, tail = _SPREADS * 1.4826 * np.median(size), _BEYOND * np.quantile(size, 1.0 - rare)
+    return size > max(spread, tail, usual)
+
+
+def _short(far: Bool[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Those in rows that are short."""
+    edges = np.diff(np.concatenate([[False], far, [False]]).astype(np.int8))
+    kept = far.copy()
+    for first, stop in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
+        if stop - first > _LONGEST:
+            kept[first:stop] = False
+    return kept
+
+
+def _answering(far: Bool[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Samples at which something far is, or was a little before."""
+    return np.convolve(far, np.ones(_ANSWERS + 1))[: far.size] > 0
