@@ -229,6 +229,16 @@ def stiffened(quadratic: float, cubic: float) -> Cause:
     return Cause(force=lambda u, y, speed, still: quadratic * y * abs(y) + cubic * y**3)
 
 
+def drained(bend: float, level: float) -> Cause:
+    """Pulled back by a power of the response, as a tank by the root of its level."""
+
+    def force(u, y, speed, still):
+        pull = min(max(max(abs(y) / level, 1e-9) ** bend, 0.1), 10.0)
+        return (pull - 1.0) * y
+
+    return Cause(force=force)
+
+
 def skewed(quadratic: float, cubic: float) -> Cause:
     return Cause(rows=lambda u, d: u + quadratic * u**2 + cubic * u**3)
 

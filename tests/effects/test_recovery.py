@@ -126,6 +126,8 @@ CASES = {
     ),
     "EndStop stop": Case(plain.rim(1.7, -1.5, TAU), (1 / 1.7, 1 / 1.5)),
     "Stiffening stiffness": Case(plain.stiffened(0.4, 0.3), (0.4, 0.3), within=0.08),
+    # which gain goes with which level is left to the plant
+    "PowerLaw power": Case(plain.drained(-0.5, 3.0), (-0.5,), within=0.08, lift=4.0),
     "BentResponse response": Case(plain.bent_response(0.15, -0.028), (0.15, -0.028)),
     "Saturation response": Case(plain.stops(1.7, -1.5), (1 / 1.7, 1 / 1.5)),
     "Backlash command": Case(plain.slack(0.38), (0.38,), second_order=True),

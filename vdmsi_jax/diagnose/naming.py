@@ -33,6 +33,7 @@ _FORMS = {
     ("by", "skew"): "to one side",
     ("by", "response"): "of the response",
     ("by", "stiffness"): "of what pulls the response back",
+    ("by", "power"): "of what pulls the response back, by a power of it",
     ("by", "command"): "by the sign of the command",
     ("by", "effort"): "by the sign of the effort",
     ("by", "floor"): "rounding down",

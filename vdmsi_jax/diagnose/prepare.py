@@ -30,7 +30,8 @@ _FOREIGN = {
 _SESSION = {"gain_drift over session", "regime_change over session"}
 _VEHICLES_ONLY = {"cross_coupling", "speed_dependent_gain", "drag", "road_grade"}
 _BOTH_WAYS = {"offset by travel"}
-_PLANTS_ONLY = {"gain_nonlinearity by stiffness"}  # of a speed that is drag
+# of a vehicle's speed that is drag
+_PLANTS_ONLY = {"gain_nonlinearity by stiffness", "gain_nonlinearity by power"}
 FEWEST = 80  # samples that a fit needs
 _REVERSED = 0.05  # of the time, that a vehicle moves the other way if it moves both ways
 

@@ -12,7 +12,12 @@ from vdmsi_jax.effects.dead_zone import DeadZone
 from vdmsi_jax.effects.drag import Drag
 from vdmsi_jax.effects.gain_asymmetry import GainAsymmetry
 from vdmsi_jax.effects.gain_drift import GainDrift
-from vdmsi_jax.effects.gain_nonlinearity import BentResponse, GainNonlinearity, Stiffening
+from vdmsi_jax.effects.gain_nonlinearity import (
+    BentResponse,
+    GainNonlinearity,
+    PowerLaw,
+    Stiffening,
+)
 from vdmsi_jax.effects.geometry_scale import GeometryScale
 from vdmsi_jax.effects.misalignment import Misalignment
 from vdmsi_jax.effects.offset import Offset
@@ -64,6 +69,7 @@ ACTUATOR: tuple[AbstractEffect, ...] = (
     CoulombFriction(against="rate"),
     CoulombFriction(against="response"),
     Stiffening(),
+    PowerLaw(),
     EndStop(),
     BentResponse(),
     Saturation(at="response"),

@@ -95,3 +95,37 @@ class Stiffening(AbstractOfResponse):
         level = jnp.where(jnp.abs(at.rest) > 1e-12, at.rest, 1e-12)
         stiffness = 1.0 + self.quadratic * abs(at.y) + self.cubic * at.y * at.y
         return (jnp.clip(stiffness, 0.1, 10.0) - 1.0) * at.y / level
+
+
+class PowerLaw(AbstractEffect):
+    """What pulls the response back goes with a power of it other than the first, inside the
+    dynamics: `y |y / size|^bend` in place of `y`. A tank drains with the root of its level (a bend
+    of -1/2, Torricelli's law), a fan is braked by the square of its speed (+1). It stays between a
+    tenth and ten times what a linear one pulls.
+
+    Attributes:
+        by: what bends it.
+        size: the response at which both pull alike, its unit.
+
+    Source: Ogunnaike and Ray, Process Dynamics, Modeling, and Control (1994), ch. 10.
+    """
+
+    cause: ClassVar[str] = "gain_nonlinearity"
+
+    bend: Float[Array, ""] = parameter(
+        "1", "exponent beyond the first power", lower=-0.95, upper=3.0
+    )
+    by: Literal["power"] = eqx.field(static=True, default="power")
+    size: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=1.0)
+
+    def scaled(self, scales: Scales) -> "PowerLaw":
+        return PowerLaw(self.bend, self.by, max(abs(scales.y_low), abs(scales.y_high), 1e-12))
+
+    def probes(self, scales: Scales) -> list[tuple[float, ...]]:
+        return [(-0.4,), (0.4,), (1.5,)]
+
+    def effort(self, at: Effort) -> Float[Array, ""]:
+        level = jnp.where(jnp.abs(at.rest) > 1e-12, at.rest, 1e-12)
+        part = jnp.maximum(jnp.abs(at.y) / self.size, 1e-6)
+        pull = jnp.clip(jnp.exp(self.bend * jnp.log(part)), 0.1, 10.0)
+        return (pull - 1.0) * at.y / level
