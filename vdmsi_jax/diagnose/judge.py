@@ -10,12 +10,13 @@ from jaxtyping import Bool, Float
 
 from .colour import whiten
 from .result import Gain
-from .windows import BLOCK, SLOW, block_sums, moving_mean
+from .windows import SLOW, block_sums, blocks_in, moving_mean
 
 _STEADY, _VERY_STEADY = 2.0, 3.0  # standard errors by blocks
 _MUCH, _MOST, NEARLY_ALL = 0.25, 0.5, 0.85  # share of the squared error
 _USUAL = 0.7  # share of the blocks that get better
 _FAST = 0.5  # share of a change in what is not slow
+_BLOCKS = 60  # stretches of a channel, at the most, that are asked one by one
 _FAINT = 0.25  # of what it does where it was fitted, below which data held out hardly show a cause
 
 
@@ -43,7 +44,7 @@ class Scored:
 
     def parts(self, use: Bool[np.ndarray, "R N"], dt: float) -> Float[np.ndarray, " blocks"]:
         """The same, block by block."""
-        blocks = max(2, min(60, int(use.sum() * dt / BLOCK)))
+        blocks = blocks_in(int(use.sum()), dt, _BLOCKS)
         before, after = (
             np.maximum(block_sums((self.y - y)[use] ** 2, blocks), 1e-300)
             for y in (self.before, self.after)
@@ -109,7 +110,7 @@ def gain_of(scored: Scored, use: Bool[np.ndarray, "R N"], held_out: bool, dt: fl
     y = scored.y[use]
     before, after = (scored.y - scored.before)[use], (scored.y - scored.after)[use]
     fits = fit_percent(y, before), fit_percent(y, after)
-    blocks = max(2, min(60, int(use.sum() * dt / BLOCK)))
+    blocks = blocks_in(int(use.sum()), dt, _BLOCKS)
     label = np.arange(y.size) * blocks // y.size
     kept = [label != b for b in range(blocks)]
     changes = np.array([fit_percent(y[k], after[k]) - fit_percent(y[k], before[k]) for k in kept])
@@ -128,7 +129,7 @@ def confirmed(scored: Scored, use: Bool[np.ndarray, "R N"], dt: float) -> tuple[
         e = np.where(use, scored.y - simulated, 0.0)
         squares.append(whiten(e[None], scored.colour[None])[0][use] ** 2)
     before, after = (max(float(np.mean(s)), 1e-300) for s in squares)
-    blocks = max(2, int(use.sum() * dt / BLOCK))
+    blocks = blocks_in(int(use.sum()), dt)
     parts = block_sums((squares[0] - squares[1]) / after, blocks)
     return float(use.sum()) * float(np.log(before / after)), float(parts.var(ddof=1) * parts.size)
 

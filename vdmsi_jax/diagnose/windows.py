@@ -6,6 +6,8 @@ from jaxtyping import Float
 BLOCK = 5.0
 """Length of a stretch over which errors of a vehicle count as independent, s."""
 
+_SAMPLES = 10  # of a stretch, at the least, where samples are seconds apart
+
 SLOW = 1.0
 """Length of the mean that is the slow part of an error, s."""
 
@@ -27,6 +29,13 @@ def history(x: Float[np.ndarray, "R N"], seconds: float, dt: float) -> Float[np.
     weights = np.exp(-dt / seconds * np.arange(n))
     summed = np.fft.irfft(np.fft.rfft(x, size) * np.fft.rfft(weights, size), size)[:, :n]
     return summed / np.cumsum(weights)
+
+
+def blocks_in(samples: int, dt: float, most: int | None = None) -> int:
+    """How many stretches over which errors count as independent so many samples are, two at the
+    least, and `most`."""
+    blocks = min(int(samples * dt / BLOCK), samples // _SAMPLES)
+    return max(2, blocks if most is None else min(blocks, most))
 
 
 def block_sums(rows: Float[np.ndarray, "... n"], blocks: int) -> Float[np.ndarray, "... blocks"]:
