@@ -5,7 +5,7 @@ import pytest
 
 import vdmsi_jax as vj
 from vdmsi_jax.diagnose.colour import spectrum, whiten
-from vdmsi_jax.diagnose.noise import KnownNoise, OwnNoise, Pair, pairs, repeated
+from vdmsi_jax.diagnose.noise import BriefNoise, KnownNoise, OwnNoise, Pair, pairs, repeated
 from vdmsi_jax.diagnose.prepare import repeats
 from vdmsi_jax.diagnose.runs import lay_out
 
@@ -95,6 +95,20 @@ def test_a_known_colour_serves_all_hypotheses_and_its_innovations_are_sums_of_sq
     own = OwnNoise()
     assert np.all(own.innovations(spectrum(left), 5) <= noise.innovations(spectrum(left), 5))
     assert not np.array_equal(*own.colours(left, mask, 5))
+
+
+def test_brief_noise_forgets_and_its_innovations_are_sums_of_squares():
+    brief, own, mask = BriefNoise(0.2, DT), OwnNoise(), everywhere(1)
+    left = np.stack([wandering(7), 3.0 * wandering(8)])[:, None]
+    colours = brief.colours(left, mask, 5)
+    for coefficients in colours:
+        roots = np.roots(np.concatenate([[1.0], -coefficients]))
+        assert np.all(np.abs(roots) < np.exp(-DT / 0.2))
+    assert np.abs(np.roots([1.0, *-own.colours(left, mask, 5)[0]])).max() > np.exp(-DT / 0.6)
+    padded = np.pad(left, ((0, 0), (0, 0), (0, 5)))
+    wanted = np.sum(whiten(padded, colours) ** 2, axis=(1, 2))
+    assert brief.innovations(spectrum(left), 5) == pytest.approx(wanted, rel=1e-6)
+    assert np.all(wanted > 1.2 * own.innovations(spectrum(left), 5))
 
 
 def test_a_reference_is_checked_and_goes_with_the_sample_period():

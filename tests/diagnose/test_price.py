@@ -53,6 +53,16 @@ def test_what_was_on_its_way_is_paid_in_each_run():
     assert paid("transport_delay") == paid("offset") + 2.0 * RUNS
 
 
+@pytest.mark.parametrize(("seconds", "worth"), [(0.02, False), (1.0, True), (np.inf, True)])
+def test_a_drift_that_is_over_at_once_is_worth_nothing(seconds, worth):
+    """In runs of 4 s."""
+    number = [slot.cause for slot in STAGE.slots].index("gain_drift")
+    theta = STAGE.off.copy()
+    theta[[0, POLES]] = 1.0
+    theta[list(STAGE.slots[number].index)] = 0.05, 1.0 / seconds
+    assert math.isfinite(price(STAGE, Hypothesis(1, 0, (number,), theta))) is worth
+
+
 def with_pole(exponent: float) -> Hypothesis:
     """First order, whose pole grows by that over a run."""
     theta = STAGE.off.copy()

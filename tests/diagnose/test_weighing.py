@@ -91,12 +91,13 @@ def test_what_four_others_tell_as_well_is_a_name_only_by_itself():
     assert not WEIGHING._mends(fewer, gain(0.2), tried(fewer, named("saturation")))
 
 
+@pytest.mark.parametrize("cause", ["resonance", "periodic_disturbance"])
 @pytest.mark.parametrize(("hertz", "nothing"), [(0.02, True), (0.5, False)])
-def test_a_mode_swings_a_few_times_or_is_any_slow_error(hertz, nothing):
+def test_what_swings_does_so_a_few_times_or_is_any_slow_error(hertz, nothing, cause):
     runs = Runs(("run",), (), (0,), (2000,), (0.0,), ((),), dt=0.05)  # of 100 s
     seen = {"frequency": Estimate(hertz, 0.01, "Hz"), "damping": Estimate(0.05, 0.01, "1")}
     mode = replace(
-        made_up_diagnosis.siso().findings[0], cause="resonance", parameters=seen, gain=gain(0.4)
+        made_up_diagnosis.siso().findings[0], cause=cause, parameters=seen, gain=gain(0.4)
     )
     assert replace(WEIGHING, runs=runs)._negligible(mode) is nothing
 

@@ -69,6 +69,28 @@ class OwnNoise(Noise):
         return predicted(spectra, order)[1]
 
 
+class BriefNoise(Noise):
+    """Each hypothesis has the colour of its own residual, but with a memory of some seconds at the
+    most: what lasts longer is no noise, and the hypothesis has to answer for it."""
+
+    by = "own"
+    std = None
+    slow = 0.0
+
+    def __init__(self, memory: float, dt: float):
+        """Of a memory in s; `dt`: sample period, s."""
+        self.memory, self.keeps = memory, float(np.exp(-dt / memory))
+
+    def colours(self, left, mask, order):
+        # the roots of its filter move inwards by a factor: bandwidth expansion (Tohkura et al.,
+        # Spectral smoothing technique in PARCOR speech analysis-synthesis, 1978)
+        return autoregression(left, mask, order) * self.keeps ** np.arange(1, order + 1)
+
+    def innovations(self, spectra, order):
+        coefficients = predicted(spectra, order)[0] * self.keeps ** np.arange(1, order + 1)
+        return _filtered(spectra, coefficients)
+
+
 class KnownNoise(Noise):
     """One colour for all hypotheses."""
 
@@ -138,11 +160,18 @@ class KnownNoise(Noise):
         return np.tile(self.coefficients(order), (len(left), 1))
 
     def innovations(self, spectra, order):
-        size = 2 * (spectra.shape[-1] - 1)
-        taps = np.concatenate([[1.0], -self.coefficients(order)])
-        weights = np.abs(np.fft.rfft(taps, size)) ** 2
-        power = np.sum(np.abs(spectra) ** 2, axis=1) * weights
-        return np.fft.irfft(power)[:, 0]
+        return _filtered(spectra, self.coefficients(order))
+
+
+def _filtered(
+    spectra: Complex[np.ndarray, "H R F"], coefficients: Float[np.ndarray, "*H order"]
+) -> Float[np.ndarray, " H"]:
+    """Sum of squares behind whitening filters."""
+    size = 2 * (spectra.shape[-1] - 1)
+    taps = np.concatenate([np.ones((*coefficients.shape[:-1], 1)), -coefficients], axis=-1)
+    weights = np.abs(np.fft.rfft(taps, size)) ** 2
+    power = np.sum(np.abs(spectra) ** 2, axis=1) * weights
+    return np.fft.irfft(power)[:, 0]
 
 
 @dataclass(frozen=True)

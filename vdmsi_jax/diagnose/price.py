@@ -3,7 +3,7 @@
 import math
 
 from .hypothesis import GROWTH, Hypothesis, Refit, growth
-from .stage import Stage
+from .stage import Slot, Stage
 from .starts import backward, lingers
 
 # What causes gain on drives without any stands in docs/calibration, by tests/hidden/calibrate.py.
@@ -19,6 +19,9 @@ EARLY = 2.0
 is measured was differenced: no cause, and yet in the model."""
 CHANGE = 0.02
 """Of a gain, below which it does not change."""
+LASTS = 0.1
+"""Of the time by which a gain drifts, that a drift must take to be one: what is over sooner is a
+start, and leaves another gain."""
 PHASE_COST = 4.0  # of what swings, in each further run
 WAIT_COST = 2.0  # of what was on its way, in each run
 _CURVES = ("gain_nonlinearity", "saturation", "dead_zone")
@@ -29,12 +32,14 @@ def price(stage: Stage, h: Hypothesis) -> float:
     """What a hypothesis must gain in twice the log-likelihood to be worth its parameters; nothing
     is worth a response that comes before its command by more than stamps of time are off, nor a
     change of gain that is none: the lag that comes with it would be one pole more of the plant; nor
-    one that grows by itself."""
+    a drift that is over at once, nor a plant that grows by itself."""
     slots = [stage.slots[number] for number in h.active]
     early = -EARLY * stage.dt
     if any(s.cause == "transport_delay" and h.theta[s.index[0]] < early for s in slots):
         return math.inf
     if any(s.cause == "regime_change" and abs(h.theta[s.index[1]]) < CHANGE for s in slots):
+        return math.inf
+    if any(s.cause == "gain_drift" and _is_over(stage, h, s) for s in slots):
         return math.inf
     if growth(stage, [h])[0] > GROWTH:
         return math.inf
@@ -44,6 +49,13 @@ def price(stage: Stage, h: Hypothesis) -> float:
     forms = max(sum(s.cause in _CURVES for s in slots) - 1, 0)
     causes += PHASE_COST * phases + WAIT_COST * waits + FORM_COST * forms
     return _plant_price(stage, h) + causes
+
+
+def _is_over(stage: Stage, h: Hypothesis, slot: Slot) -> bool:
+    """Whether a gain has drifted to its last value, but for a twentieth, nearly at once."""
+    bend = h.theta[slot.index[slot.names.index("bend")]]
+    lasts = LASTS * stage.scales.clock(getattr(slot.effect, "over", "run"))
+    return bool(bend * lasts > 3.0)
 
 
 def _plant_price(stage: Stage, h: Hypothesis) -> float:

@@ -1,6 +1,7 @@
 """From a stage to the causes that explain it: baseline, forward selection, elimination, rivals,
 and what data held out bear out of it."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -10,6 +11,7 @@ from .baseline import baselines, order_of
 from .found import Failed, Finding, Search
 from .hypothesis import Refit
 from .judge import Scored, confirmed, gain_of
+from .noise import BriefNoise, OwnNoise
 from .outcome import completed
 from .price import CAUSE_COST, score
 from .refit import refit
@@ -18,6 +20,7 @@ from .screen import acts_in_steps
 from .selection import cleared, climbed, eliminate, rings_rather
 from .stage import Stage
 from .starts import hilly
+from .unexplained import extent
 
 SWAPS = 3
 SWAPPED = 2.0  # by which another cause must be better to take a place
@@ -33,21 +36,68 @@ FREE = 6.0
 _CLEAR = 2.0  # standard deviations, below which a parameter may be nothing
 _BORNE_OUT = 0.25  # of what such a cause takes where it is fitted, that must last elsewhere
 
+_BRIEF = 0.1  # of the plant's time constant, that noise may last
+_LARGE, _LASTING = 0.04, 3.0  # of the response's spread, and of the innovations' variance, beyond
+# which an error is asked for by brief noise
+_BY_THEMSELVES = frozenset(
+    ("gain_drift", "regime_change", "periodic_disturbance", "road_grade", "offset")
+    + ("transport_delay", "resonance")
+)  # causes that brief noise is not asked for: what changes by itself can draw any error that lasts,
+# and what is linear shows in the innovations
+_TAKES = 0.25  # of it, that the causes found so must take from data held out
+
 
 class ActsInSteps(Exception):  # noqa: N818 - no error: it asks for the log's own rows
     """A command acts in steps that only the rows of the log itself can tell."""
 
 
 def search(stage: Stage) -> Search:
-    """Find the causes that a stage's data support.
+    """Find the causes that a stage's data support; where noise of its own colour leaves an error
+    that is large and lasts, those by noise that is brief, if data held out bear these out.
 
     Raises:
         ActsInSteps: the stage's rows are means of the log's own, and those have to be looked at.
     """
+    found = _search(stage, may_step=True)
+    if not _lasts(found):
+        return found
+    stage = found.stage
+    brief = BriefNoise(_BRIEF * stage.scales.time_constant, stage.dt)
+    known = {f.number for f in found.findings}
+    asked = tuple(
+        k for k in stage.allowed if k in known or stage.slots[k].cause not in _BY_THEMSELVES
+    )
+    other = _search(replace(stage, noise=brief, allowed=asked))
+    return other if _bears_out(found, other) else found
+
+
+def _lasts(found: Search) -> bool:
+    """Whether the model leaves an error that is large beside the response and much larger than its
+    innovations: a colour that is estimated takes it for noise, whatever makes it."""
+    stage, error = found.stage, found.final.error(found.stage)
+    if not isinstance(stage.noise, OwnNoise) or stage.held_out.sum() <= 50:
+        return False
+    size = math.sqrt(error) / extent(stage.y[stage.mask])
+    return size > _LARGE and error > _LASTING * found.final.variance
+
+
+def _bears_out(found: Search, other: Search) -> bool:
+    """Whether data held out bear another search out: its error is clearly less there."""
+    if not other.findings:
+        return False
+    stage = found.stage
+    scored = Scored("", stage.y, found.final.y, other.final.y, other.final.colour)
+    gain = gain_of(scored, stage.held_out, True, stage.dt)
+    sure = gain.after - gain.before > SURE * gain.se
+    return sure and scored.taken(stage.held_out) > _TAKES
+
+
+def _search(stage: Stage, may_step: bool = False) -> Search:
+    """What one kind of noise lets the data support."""
     whole, stage = stage, stage.fitting
     grid = baselines(stage)
     plain = max(grid.values(), key=lambda f: score(stage, f))
-    if acts_in_steps(stage, plain):
+    if may_step and acts_in_steps(stage, plain):
         raise ActsInSteps
     now, screened, seen = climbed(stage, plain, grid)
     now, findings = _swapped(stage, now, seen, set(), set())

@@ -10,6 +10,7 @@ from ..config import PlantSpec
 from .found import Search
 from .judge import NEARLY_ALL, Trial
 from .naming import Named
+from .noise import BriefNoise
 from .result import ChannelScore, Finding, Gain
 from .runs import Runs
 from .starts import backward
@@ -29,7 +30,8 @@ _PUZZLE = 0.1  # share of the error without a cause that must puzzle beside it, 
 _PERIODS = 6.0  # in the longest run, of a periodic disturbance beside what nothing explains
 _BUS, _LATE = 0.02, 2.5  # s and points of FIT, below which both a delay is every bus's
 _TURNS = 0.1  # s, below which a body's lag by its inertia is every vehicle's
-_SWINGS = 3.0  # in the longest run, of a mode, below which any slow error has it
+_SWINGS = 3.0  # in the longest run, of a mode or a periodic disturbance, below which any slow error
+# has it
 _DAMPED = 0.24  # ratio, from which a mode is rather two poles that the plant lacks
 _KINDS = (
     frozenset({"coulomb_friction", "backlash"}),
@@ -38,6 +40,7 @@ _KINDS = (
 )  # causes of which one tells what the form of the other misses
 _MANY = 4  # rivals that explain the logs as well, from which on a cause beside others is anything
 _CROWD = 4  # causes of one actuator, from which on they are one that the library lacks
+_TAKEN = 0.4  # share, below which a cause that only brief noise shows may mend what is slow
 _BENDS = frozenset({"gain_nonlinearity", "saturation", "gain_asymmetry"})  # of one characteristic
 _LIGHT, _ADDS = 0.15, 0.3  # ratio, and share of the baseline's error, that a mode with more damping
 # must take by itself
@@ -116,6 +119,7 @@ class Weighing:
         doubted = share < _STRONG or cause.cause == "transport_delay"
         vague = doubted and _vague(cause, found)
         mends = self._mends(cause, trial.gain, trials, leads)
+        mends = mends or (share < _TAKEN and _by_brief_noise(cause) and self._beside(cause, trials))
         return small or imitated or vague or mends or self._negligible(found)
 
     def _mends(
@@ -129,6 +133,11 @@ class Weighing:
         little = 0.0 <= self._of_all(cause, gain) < MINOR and not leads
         little = little and bool(self.of_its_kind(cause, trials))
         return little or sum(r.indistinguishable for r in cause.rivals) >= _MANY
+
+    def _beside(self, cause: Named, trials: Sequence[tuple[Named, Trial]]) -> bool:
+        """Whether another cause of the same actuator takes more."""
+        own = {c: t.gain.mse_before for c, t in trials if c.search is cause.search}
+        return own[cause] < max(own.values())
 
     def _told_by(self, cause: Named, gain: Gain) -> bool:
         """Whether a cause of an actuator is worth most in that actuator's response."""
@@ -184,7 +193,7 @@ class Weighing:
         """Whether it is less than a body's or a plant's own: a sensor that is late by less than
         half a sample, tyres by less than one that tell little, a body that turns with its tyres, a
         response that is early or late by what every bus takes, a mode that poles of the baseline
-        tell as well or that hardly swings in these logs; or a small gain in one channel that is
+        tell as well, or what hardly swings in these logs; or a small gain in one channel that is
         none on the road.
         """
         value, dt = next(iter(found.parameters.values())).value, self.runs.dt
@@ -198,12 +207,19 @@ class Weighing:
             none = value * float(np.mean(np.abs(self.runs.channel("v")))) < _TURNS
         elif found.cause == "transport_delay":
             none = value < 0.0 or (value < _BUS and g.after - g.before < _LATE)
+        elif found.cause == "periodic_disturbance":
+            none = found.parameters["frequency"].value * self._longest < _SWINGS
         elif found.cause == "resonance":
             damping = found.parameters["damping"].value
             none = damping > _DAMPED or (damping > _LIGHT and self._part(g) < _ADDS)
             none = none or found.parameters["frequency"].value * self._longest < _SWINGS
         worse = g.ate_before is not None and g.ate_after is not None and g.ate_after > g.ate_before
         return none or (worse and max(found.share, g.typical) < _DOUBTFUL)
+
+
+def _by_brief_noise(cause: Named) -> bool:
+    """Whether noise of the error's own colour would not show it."""
+    return cause.search is not None and isinstance(cause.search.stage.noise, BriefNoise)
 
 
 def _vague(cause: Named, found: Finding) -> bool:
