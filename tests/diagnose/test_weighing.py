@@ -10,6 +10,7 @@ from vdmsi_jax.diagnose.found import Search
 from vdmsi_jax.diagnose.judge import Trial
 from vdmsi_jax.diagnose.leftover import only_where_judged
 from vdmsi_jax.diagnose.naming import Named
+from vdmsi_jax.diagnose.noise import BriefNoise, Noise, OwnNoise
 from vdmsi_jax.diagnose.result import (
     ChannelScore,
     Diagnosis,
@@ -20,14 +21,25 @@ from vdmsi_jax.diagnose.result import (
     Unexplained,
 )
 from vdmsi_jax.diagnose.runs import Runs
+from vdmsi_jax.diagnose.stage import Stage
 from vdmsi_jax.diagnose.unexplained import BURSTS, WORSE
 from vdmsi_jax.diagnose.verdict import _or_else
 from vdmsi_jax.diagnose.weighing import Weighing, crowd
 
-SEARCH, OTHER = (object.__new__(Search) for _ in range(2))  # by which causes are known as theirs
+
+def searched(noise: Noise) -> Search:
+    """By which causes are known as its own, and its noise."""
+    search, stage = object.__new__(Search), object.__new__(Stage)
+    object.__setattr__(stage, "noise", noise)
+    object.__setattr__(search, "stage", stage)
+    return search
+
+
+SEARCH, OTHER = searched(OwnNoise()), searched(OwnNoise())
 SPEC = PlantSpec("servo", "u", "y")
 SCORE = ChannelScore(80.0, mse=1.0, noise_std=0.1, ceiling=95.0)
-WEIGHING = Weighing({SPEC: SEARCH}, object.__new__(Runs), {"y": SCORE}, {"y": SCORE})
+RUNS = Runs(("run",), (), (0,), (2000,), (0.0,), ((),), dt=0.05)  # of 100 s
+WEIGHING = Weighing({SPEC: SEARCH}, RUNS, {"y": SCORE}, {"y": SCORE})
 
 
 def named(cause: str, *rivals: str, search: Search = SEARCH) -> Named:
@@ -94,12 +106,11 @@ def test_what_four_others_tell_as_well_is_a_name_only_by_itself():
 @pytest.mark.parametrize("cause", ["resonance", "periodic_disturbance"])
 @pytest.mark.parametrize(("hertz", "nothing"), [(0.02, True), (0.5, False)])
 def test_what_swings_does_so_a_few_times_or_is_any_slow_error(hertz, nothing, cause):
-    runs = Runs(("run",), (), (0,), (2000,), (0.0,), ((),), dt=0.05)  # of 100 s
     seen = {"frequency": Estimate(hertz, 0.01, "Hz"), "damping": Estimate(0.05, 0.01, "1")}
     mode = replace(
         made_up_diagnosis.siso().findings[0], cause=cause, parameters=seen, gain=gain(0.4)
     )
-    assert replace(WEIGHING, runs=runs)._negligible(mode) is nothing
+    assert WEIGHING._negligible(mode) is nothing
 
 
 def finding(cause: str, share: float) -> Finding:
@@ -151,3 +162,34 @@ def test_structure_that_only_unseen_runs_show_is_asked_again():
 )
 def test_other_structure_is_not(found):
     assert not only_where_judged(found, ["run_3"])
+
+
+def judged(cause: Named, before: float, after: float) -> tuple[Trial, Finding]:
+    """Of a cause by FIT, in percent, without and with it, steadily."""
+    mse = [(1.0 - fit / 100.0) ** 2 * 25.0 for fit in (before, after)]
+    own = Gain("y", before, after, 0.05, *mse, held_out=True, typical=0.01)
+    share = 1.0 - mse[1] / mse[0]
+    told = replace(finding(cause.cause, share), parameters={}, gain=own, statistic=100.0)
+    told = replace(told, parameters={"gap": Estimate(0.02, 0.001, "m")})
+    return Trial(own, None, 100.0, 8.0, 0.9), told
+
+
+@pytest.mark.parametrize(("before", "minor"), [(97.1, True), (96.0, False)])
+def test_a_trace_beside_a_cause_that_takes_nearly_all_is_minor(before, minor):
+    """Of a baseline of 80 % FIT; a quarter of next to nothing, and a half of it."""
+    play, coupling = named("backlash"), named("cross_coupling")
+    trial, told = judged(play, before, 97.4)
+    trials = [(coupling, judged(coupling, 80.0, 97.4)[0]), (play, trial)]
+    assert WEIGHING.minor(play, trial, told, 0.0, 0.0, False, trials) is minor
+
+
+def test_of_what_only_brief_noise_shows_little_mends_what_takes_more():
+    search = searched(BriefNoise(1.0, 0.1))
+    weighing = replace(WEIGHING, searches={SPEC: search})
+    first, second = named("saturation", search=search), named("backlash", search=search)
+    trials = [(first, judged(first, 74.0, 82.0)), (second, judged(second, 77.0, 82.0))]
+    tried = [(cause, trial) for cause, (trial, _) in trials]
+    minor = [weighing.minor(c, t, told, 0.0, 0.0, False, tried) for c, (t, told) in trials]
+    assert minor == [False, True]
+    alone = weighing.minor(second, *trials[1][1], 0.0, 0.0, False, tried[1:])
+    assert not alone  # what leads is told, however little it takes beside the others

@@ -36,7 +36,7 @@ from .words import sentence, summary
 
 _TWINS = {"powertrain": "v", "steering": "delta"}
 _LINEAR = ("transport_delay", "resonance")
-_BROKEN = 2.0  # times the squared error of the plain plant, from which a model is of no use
+_BROKEN = 1.5  # times the squared error of the plain plant, from which a model is of no use
 _SENSED = {"transport_delay": "sensor_delay", "offset": "sensor_bias"}
 
 

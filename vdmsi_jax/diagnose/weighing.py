@@ -22,6 +22,8 @@ a significant cause is minor: cars on a physics engine, whose causes are none, r
 _MUCH, _POINTS, _CERTAIN = 0.2, 2.0, 500.0  # of what all others leave, of FIT, and of twice the
 # log-likelihood: from either one a cause matters however small it is beside them; of eight blind
 # exams wrong names so small had up to 0.02, 0.1 and 220, right ones 0.23, 0.5 and 500
+_TRACE, _TRACE_POINTS, _TRACE_SHARE = 0.005, 0.5, 0.3  # of what its channel errs by with no cause,
+# of FIT, and of what all others leave, below which a cause is a trace beside another's form
 _WEAK, _STRONG = 0.05, 0.5  # shares: below the first beside one above the second a cause is minor,
 _FAINT = 100.0  # and below twice the first, where twice its log-likelihood is below this
 _DOUBTFUL = 0.05  # share of a cause that makes the path no better, below which it is minor
@@ -107,9 +109,11 @@ class Weighing:
             trials: all causes, and what they are worth.
         """
         share = max(found.share, trial.gain.typical)
-        rest = share < _MUCH and trial.gain.after - trial.gain.before < _POINTS
+        part, points = self._of_all(cause, trial.gain), trial.gain.after - trial.gain.before
+        trace = 0.0 <= part < _TRACE and points < _TRACE_POINTS
+        rest = share < (_TRACE_SHARE if trace else _MUCH) and points < _POINTS
         rest = rest and found.statistic < _CERTAIN
-        beside = rest and 0.0 <= self._of_all(cause, trial.gain) < MINOR
+        beside = rest and 0.0 <= part < MINOR
         small = share < MINOR or (beside and not leads)
         puzzling, disturbed = (x * (1.0 - share) > _PUZZLE for x in (puzzle, disturbance))
         small = small or not trial.believed(share, puzzling, disturbed)
