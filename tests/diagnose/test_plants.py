@@ -427,6 +427,7 @@ def test_a_tank_that_drains_by_the_root_of_its_level_is_told_by_the_exponent():
     assert found.extended["y"].fit > found.channels["y"].fit + 3.0
 
 
+@pytest.mark.slow
 def test_noise_of_its_own_colour_takes_a_rim_for_what_wanders_and_brief_noise_does_not():
     """Two tanks in cascade that spill, which no cause of the library quite is."""
     found = vj.diagnose(tanks(1, cascaded=True, rim=9.0))
@@ -451,3 +452,24 @@ def test_samples_that_are_far_apart_in_time_are_judged_all_the_same():
         made.append(vj.Record.from_arrays(dt=20.0, name=f"run_{run}", plants=(plant,), u=u, y=y))
     found = vj.diagnose(made)
     assert found.verdict == "no_effect" and found.channels["y"].fit > 90.0
+
+
+@pytest.mark.slow
+def test_what_only_a_part_that_judges_shows_is_fitted_by_other_parts():
+    """A single log of a loop whose rate is limited; its steps are small but in one of ten parts."""
+    rng, rows = np.random.default_rng(5), 4000
+    u = 0.15 * np.repeat(rng.uniform(-1.0, 1.0, rows // 40), 40)
+    u[2050:2350] += np.repeat([0.0, 1.2, -1.0, 0.8, -1.2, 0.0], 50)
+    x, v, y = u[0], 0.0, np.empty(rows)
+    for k, command in enumerate(u):
+        y[k] = x
+        for _ in range(FINE):
+            v += 0.001 / 0.06 * (4.0 * (command - x) - v)
+            x += 0.001 * np.clip(v, -1.5, 1.5)
+    y += 0.004 * rng.standard_normal(rows)
+    plant = vj.PlantSpec("loop", "u", "y")
+    log = vj.Record.from_arrays(dt=DT, name="run", plants=(plant,), u=u, y=y)
+    found = vj.diagnose(log)
+    assert [f.cause for f in found.findings] == ["rate_limit"]
+    limits = [e.value for e in found.findings[0].parameters.values()]
+    assert limits == pytest.approx([1.5] * len(limits), rel=0.1)

@@ -113,6 +113,11 @@ def _looked_into(
         apart = lay_out(several, whole=False, others=True)
         other = _evidence(several, apart, plants, noise, say).diagnosis()
         found = other if _changes(other) >= max(_changes(found), 1) else found
+    elif not runs.whole() and any(map(is_another, evidence.searches.values())):
+        say("a part that judges shows what the others do not: fitting other parts")
+        apart = lay_out(several, whole=False, others=True)
+        other = _evidence(several, apart, plants, noise, say).diagnosis()
+        found = max(found, other, key=lambda d: len(d.findings))
     return found
 
 
