@@ -117,13 +117,19 @@ def test_what_remains_is_said_where_when_and_on_what():
     assert "No significant structure is left" in clean and "No cause had to be added" in clean
 
 
-def test_noise_that_a_repeat_tells_is_said_to_be_that():
+@pytest.mark.parametrize(
+    ("by", "words"),
+    [
+        ("repeat", "The noise of {} is what runs with the same commands differ by."),
+        ("brief", "that of {} was taken to be brief"),
+    ],
+)
+def test_what_tells_the_noise_is_said_where_it_is_not_the_residual(by, words):
     diagnosis = made_up_diagnosis.explained()
-    assert "runs with the same commands" not in said(diagnosis)
     (first, score), *rest = diagnosis.channels.items()
-    again = {first: dataclasses.replace(score, noise_by="repeat"), **dict(rest)}
-    text = said(diagnosis, channels=again)
-    assert f"The noise of {first} is what runs with the same commands differ by." in text
+    assert words.format(first) not in said(diagnosis)
+    again = {first: dataclasses.replace(score, noise_by=by), **dict(rest)}
+    assert words.format(first) in said(diagnosis, channels=again)
 
 
 def test_a_gain_on_seen_data_is_not_sold_as_held_out():

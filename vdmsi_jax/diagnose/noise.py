@@ -33,7 +33,7 @@ class Noise(ABC):
     """The noise of a channel.
 
     Attributes:
-        by: what tells it.
+        by: what tells it: `own`, `brief`, `repeat` or `reference`.
         std: standard deviation, in the channel's unit; None where the residual tells it.
         slow: the same of its slow part, as far as it is known.
     """
@@ -73,7 +73,7 @@ class BriefNoise(Noise):
     """Each hypothesis has the colour of its own residual, but with a memory of some seconds at the
     most: what lasts longer is no noise, and the hypothesis has to answer for it."""
 
-    by = "own"
+    by = "brief"
     std = None
     slow = 0.0
 

@@ -157,7 +157,8 @@ class ChannelScore:
         mse: squared unit.
         noise_std: of its noise, in its unit.
         ceiling: FIT that no model can pass, because of the noise.
-        noise_by: what tells that: `own` residual, a `repeat` of commands, or a `reference`.
+        noise_by: what tells that: its `own` residual, a `repeat` of commands, a `reference`, or
+            its own residual where `brief` noise alone showed the causes.
     """
 
     fit: float

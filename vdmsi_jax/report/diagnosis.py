@@ -25,6 +25,12 @@ VERDICTS = {
 }
 BASELINE = "The baseline is the identified linear model; the extended model has the causes in it."
 
+_NOISE = {
+    "repeat": "The noise of {} is what runs with the same commands differ by.",
+    "brief": "What lasts may be no noise: that of {} was taken to be brief, and data held out bear "
+    "out what was found so.",
+}
+
 
 def diagnosis_page(diagnosis: Diagnosis) -> Page:
     """What the simulation gets wrong, why, what the extension gains, what remains, and what to
@@ -130,9 +136,9 @@ def _scores(
     unseen = any(response.held_out.any() for response in d.responses)
     where = "the held-out data" if unseen else "the data of the fit, since none was held out"
     caption = f"On {where}. MSE is the mean squared error."
-    again = " and ".join(c for c, score in before.items() if score.noise_by == "repeat")
-    if again:
-        caption += f" The noise of {again} is what runs with the same commands differ by."
+    for by, words in _NOISE.items():
+        told = " and ".join(c for c, score in before.items() if score.noise_by == by)
+        caption += f" {words.format(told)}" if told else ""
     return Table(header, rows, caption=caption)
 
 
