@@ -89,6 +89,13 @@ def test_a_heading_that_wraps_jumps_nowhere():
     np.testing.assert_allclose(turned, 1.0, atol=0.01)
 
 
+def test_a_run_may_begin_and_end_in_the_middle_of_anything():
+    y = MOVING.copy()
+    y[0], y[-2:] = 3.0, -3.0
+    log = record(y)
+    assert without_outliers(log) == (log, {})
+
+
 def test_short_logs_have_none():
     log = vj.Record.from_arrays(dt=DT, y=np.array([0.0, 0.0, 5.0, 0.0, 0.0]))
     assert without_outliers(log) == (log, {})

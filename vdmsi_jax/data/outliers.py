@@ -64,12 +64,13 @@ def _far(x: Float[np.ndarray, " n"], usual: float = 0.0) -> Bool[np.ndarray, " n
     foremost = size > _FOREMOST * _about(size).max(axis=1)  # those beside one are off by little
     rare = _RARE  # an outlier is the neighbour of four samples, too, that seem off their way
     far = _stands_out(off_middle, rare, usual) & _stands_out(off_way, 5.0 * rare, usual)
+    far[:_ABOUT] = far[-_ABOUT:] = False  # a run may begin in the middle of anything
     return far & foremost
 
 
 def _about(x: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 9"]:
-    """Each sample among those before and behind."""
-    padded = np.pad(x, _ABOUT, mode="reflect", reflect_type="odd")
+    """Each sample among those before and behind, the ends repeated."""
+    padded = np.pad(x, _ABOUT, mode="edge")
     return np.lib.stride_tricks.sliding_window_view(padded, 2 * _ABOUT + 1)
 
 

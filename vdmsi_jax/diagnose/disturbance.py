@@ -14,6 +14,10 @@ from jaxtyping import Bool, Float
 
 from .windows import SLOW, history, moving_mean
 
+IMITATORS = frozenset(
+    ("gain_drift", "regime_change", "periodic_disturbance", "road_grade", "offset", "resonance")
+)
+"""Causes that change or swing by themselves, and so can draw any error that lasts."""
 _SURROGATES, _AT_ONCE = 200, 20
 _STRETCH = 0.5  # s, over which energy is summed
 _PASTS = (0.3, 1.0, 3.0)  # s, of what is asked, that an error may remember

@@ -11,7 +11,7 @@ from .body import CAUSES, Body
 from .body_fit import BodyFit, residual
 from .body_search import BodyFinding, BodySearch
 from .colour import whiten
-from .disturbance import demands, moving, scores
+from .disturbance import IMITATORS, demands, moving, scores
 from .families import Explained, Family, better_than, explained, of_body, of_plant, weighed
 from .found import Failed, Finding, Search
 from .judge import Scored
@@ -167,6 +167,8 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
         slot = stage.slots[failed.finding.number]
         label = f"{slot.cause} ({slot.where})"
         fraction = _failed(stage, failed)
+        if slow is not None and slow.steady and slot.cause in IMITATORS:
+            continue  # it had drawn the disturbance of the data fitted
         if slot.weight < FREE and failed.finding.gain > _LOUD and fraction > _SEEN:
             found.append(_broken(label, spec.output, fraction))
     return beside_response(found, e, stage.y, stage.mask | stage.held_out)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from .baseline import baselines, order_of
+from .disturbance import IMITATORS
 from .found import Failed, Finding, Search
 from .hypothesis import Refit
 from .judge import Scored, confirmed, gain_of
@@ -39,11 +40,6 @@ _BORNE_OUT = 0.25  # of what such a cause takes where it is fitted, that must la
 _BRIEF = 0.1  # of the plant's time constant, that noise may last
 _LARGE, _LASTING = 0.04, 3.0  # of the response's spread, and of the innovations' variance, beyond
 # which an error is asked for by brief noise
-_BY_THEMSELVES = frozenset(
-    ("gain_drift", "regime_change", "periodic_disturbance", "road_grade", "offset")
-    + ("transport_delay", "resonance")
-)  # causes that brief noise is not asked for: what changes by itself can draw any error that lasts,
-# and what is linear shows in the innovations
 _TAKES = 0.25  # of it, that the causes found so must take from data held out
 
 
@@ -64,9 +60,9 @@ def search(stage: Stage) -> Search:
     stage = found.stage
     brief = BriefNoise(_BRIEF * stage.scales.time_constant, stage.dt)
     known = {f.number for f in found.findings}
-    asked = tuple(
-        k for k in stage.allowed if k in known or stage.slots[k].cause not in _BY_THEMSELVES
-    )
+    # what is linear shows in the innovations, whatever their colour
+    barred = IMITATORS | {"transport_delay"}
+    asked = tuple(k for k in stage.allowed if k in known or stage.slots[k].cause not in barred)
     other = _search(replace(stage, noise=brief, allowed=asked))
     return other if _bears_out(found, other) else found
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ..data.noise import white_noise_std
 from .disturbance import apart, scores
 from .result import Unexplained
 from .windows import SLOW, moving_mean
@@ -84,7 +85,7 @@ def structure(
         dt: sample period, s.
     """
     found = events(channel, residual, innovations, mask | held_out, runs, dt)
-    worse = _worse(innovations, mask, held_out, dt)
+    worse = _worse(innovations, residual, mask, held_out, dt)
     if worse is not None:
         found.append(Unexplained(channel, worse, ("run",), (), WORSE))
     return found
@@ -213,11 +214,19 @@ def _usual(e: np.ndarray) -> float:
     return float(np.mean(squares[: len(squares) - round(_OUTLIERS * len(squares))]))
 
 
-def _worse(e, mask, held_out, dt):
+def _worse(e, residual, mask, held_out, dt):
+    """Share of the innovations' variance on data held out that is more than on data fitted, and
+    more than what the sensor is noisier there, as the differences of samples tell."""
     settled = held_out.copy()
     settled[:, : round(2.0 / dt)] = False
     if settled.sum() < 200 or mask.sum() < 200:
         return None
     e = e - moving_mean(np.where(mask | held_out, e, 0.0), SLOW, dt)  # `slow_error` tells the rest
     ratio = float(np.mean(e[settled] ** 2) / np.mean(e[mask] ** 2))
+    there, here = (
+        white_noise_std([row[own] for row, own in zip(residual, use, strict=True) if own.any()])
+        for use in (mask, settled)
+    )
+    if here > there > 0.0:
+        ratio /= (here / there) ** 2
     return 1.0 - 1.0 / ratio if ratio > _WORSE else None
