@@ -193,3 +193,19 @@ def test_of_what_only_brief_noise_shows_little_mends_what_takes_more():
     assert minor == [False, True]
     alone = weighing.minor(second, *trials[1][1], 0.0, 0.0, False, tried[1:])
     assert not alone  # what leads is told, however little it takes beside the others
+
+
+@pytest.mark.parametrize(
+    ("where", "statistic", "after", "nothing"),
+    [
+        ("vehicle", 40.0, 98.4, True),
+        ("vehicle", 400.0, 98.4, False),
+        ("vehicle", 40.0, 99.0, False),
+        ("steering", 40.0, 98.4, False),
+    ],
+)
+def test_a_body_that_is_slightly_another_is_every_vehicle(where, statistic, after, nothing):
+    own = Gain("psi", 98.3, after, 0.1, mse_before=0.03, mse_after=0.025)
+    seen = {"scale": Estimate(-0.003, 0.0005, "1")}
+    told = replace(finding("speed_scale", 0.2), where=where, parameters=seen, gain=own)
+    assert WEIGHING._negligible(replace(told, statistic=statistic)) is nothing

@@ -24,6 +24,8 @@ _MUCH, _POINTS, _CERTAIN = 0.2, 2.0, 500.0  # of what all others leave, of FIT, 
 # exams wrong names so small had up to 0.02, 0.1 and 220, right ones 0.23, 0.5 and 500
 _TRACE, _TRACE_POINTS, _TRACE_SHARE = 0.005, 0.5, 0.3  # of what its channel errs by with no cause,
 # of FIT, and of what all others leave, below which a cause is a trace beside another's form
+_SLIGHT, _SLIGHT_POINTS = 60.0, 0.3  # twice the log-likelihood and FIT, below which both a cause of
+# the body, the road or a sensor is what no vehicle is without
 _WEAK, _STRONG = 0.05, 0.5  # shares: below the first beside one above the second a cause is minor,
 _FAINT = 100.0  # and below twice the first, where twice its log-likelihood is below this
 _DOUBTFUL = 0.05  # share of a cause that makes the path no better, below which it is minor
@@ -197,8 +199,8 @@ class Weighing:
         """Whether it is less than a body's or a plant's own: a sensor that is late by less than
         half a sample, tyres by less than one that tell little, a body that turns with its tyres, a
         response that is early or late by what every bus takes, a mode that poles of the baseline
-        tell as well, or what hardly swings in these logs; or a small gain in one channel that is
-        none on the road.
+        tell as well, or what hardly swings in these logs; a body that is slightly another; or a
+        small gain in one channel that is none on the road.
         """
         value, dt = next(iter(found.parameters.values())).value, self.runs.dt
         none, g = False, found.gain
@@ -217,6 +219,8 @@ class Weighing:
             damping = found.parameters["damping"].value
             none = damping > _DAMPED or (damping > _LIGHT and self._part(g) < _ADDS)
             none = none or found.parameters["frequency"].value * self._longest < _SWINGS
+        if found.where in ("vehicle", "sensor"):
+            none = none or (found.statistic < _SLIGHT and g.after - g.before < _SLIGHT_POINTS)
         worse = g.ate_before is not None and g.ate_after is not None and g.ate_after > g.ate_before
         return none or (worse and max(found.share, g.typical) < _DOUBTFUL)
 
