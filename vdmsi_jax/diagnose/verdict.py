@@ -35,7 +35,7 @@ from .weighing import Weighing, crowd, overshadowed
 from .words import sentence, summary
 
 _TWINS = {"powertrain": "v", "steering": "delta"}
-_LINEAR = ("transport_delay", "resonance")
+_LINEAR = ("transport_delay", "resonance", "offset")  # which poles and zeros can imitate
 _BROKEN = 1.5  # times the squared error of the plain plant, from which a model is of no use
 _SENSED = {"transport_delay": "sensor_delay", "offset": "sensor_bias"}
 
