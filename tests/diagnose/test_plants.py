@@ -392,68 +392,6 @@ def test_a_run_whose_first_samples_are_missing_began_where_they_end():
     assert found.channels["w"].fit > 93.0
 
 
-def tanks(seed: int, *, cascaded: bool = False, rim: float = np.inf, dt: float = 4.0):
-    """Three logs of a tank that drains by the root of its level, or of the lower of two in cascade
-    whose rims spill, that of the upper one into the lower; times in s, the sensor with white noise
-    beside some that wanders."""
-    made, h = [], 0.1
-    for run in range(3):
-        rng = np.random.default_rng(10 * seed + run)
-        u = np.repeat(rng.uniform(1.0, 4.5 if cascaded else 3.0, 90), 10)
-        upper = lower = 2.0
-        y, wander = np.empty(u.size), 0.0
-        for k, command in enumerate(u):
-            wander += 0.1 * (-wander + 0.05 * rng.standard_normal())
-            y[k] = lower + wander
-            for _ in range(round(dt / h)):
-                filled = 0.05 * command
-                if cascaded:
-                    upper += h * (filled - 0.054 * np.sqrt(max(upper, 0.0)))
-                    spilt, upper = max(upper - rim, 0.0), min(upper, rim)
-                    filled = 0.054 * np.sqrt(max(upper, 0.0)) + 0.3 * spilt / h
-                lower += h * (filled - 0.05 * np.sqrt(max(lower, 0.0)))
-                lower = min(lower, rim)
-        y += 0.02 * rng.standard_normal(u.size)
-        plant = vj.PlantSpec("tank", "u", "y")
-        made.append(vj.Record.from_arrays(dt=dt, name=f"run_{run}", plants=(plant,), u=u, y=y))
-    return made
-
-
-def test_a_tank_that_drains_by_the_root_of_its_level_is_told_by_the_exponent():
-    found = vj.diagnose(tanks(1))
-    (finding,) = found.findings
-    assert finding.cause == "gain_nonlinearity" and "power" in finding.form
-    assert finding.parameters["bend"].value == pytest.approx(-0.5, abs=0.05)
-    assert found.extended["y"].fit > found.channels["y"].fit + 3.0
-
-
-@pytest.mark.slow
-def test_noise_of_its_own_colour_takes_a_rim_for_what_wanders_and_brief_noise_does_not():
-    """Two tanks in cascade that spill, which no cause of the library quite is."""
-    found = vj.diagnose(tanks(1, cascaded=True, rim=9.0))
-    assert "saturation" in [f.cause for f in found.findings]
-    taken = 1.0 - found.extended["y"].mse / found.channels["y"].mse
-    assert taken > 0.5
-
-
-def test_samples_that_are_far_apart_in_time_are_judged_all_the_same():
-    """A heater of an hour, looked at every 20 s."""
-    made = []
-    for run in range(2):
-        rng = np.random.default_rng(run)
-        u, y = np.repeat(rng.uniform(0.0, 1.0, 12), 50), np.empty(600)
-        inner = outer = u[0]
-        for k, command in enumerate(u):
-            y[k] = outer
-            inner += 20.0 / 300.0 * (command - inner)
-            outer += 20.0 / 1500.0 * (inner - outer)
-        y += 0.005 * rng.standard_normal(600)
-        plant = vj.PlantSpec("heater", "u", "y")
-        made.append(vj.Record.from_arrays(dt=20.0, name=f"run_{run}", plants=(plant,), u=u, y=y))
-    found = vj.diagnose(made)
-    assert found.verdict == "no_effect" and found.channels["y"].fit > 90.0
-
-
 @pytest.mark.slow
 def test_what_only_a_part_that_judges_shows_is_fitted_by_other_parts():
     """A single log of a loop whose rate is limited; its steps are small but in one of ten parts."""

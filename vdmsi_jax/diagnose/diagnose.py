@@ -95,29 +95,27 @@ def _looked_into(
         raise InputError("noise", channel, problem, f"give it for {' or '.join(outputs)}")
     runs = lay_out(several)
     evidence = _evidence(several, runs, plants, noise, say)
-    found = evidence.diagnosis()
-    if any(runs.whole() and is_another(own) for own in evidence.searches.values()):
-        say("the logs that judge show what the others do not: fitting a part of each")
-        parts = _evidence(several, lay_out(several, whole=False), plants, noise, say).diagnosis()
-        found = max(found, parts, key=lambda d: len(d.findings))
+    found, searches = evidence.diagnosis(), evidence.searches.values()
+
+    def by_parts(others: bool) -> Diagnosis:
+        parts = lay_out(several, whole=False, others=others)
+        return _evidence(several, parts, plants, noise, say).diagnosis()
+
+    if not runs.whole() and any(map(breaks_where_judged, searches)):
+        say("something changes in a part that judges: fitting other parts")
+        other = by_parts(others=True)
+        found = other if _changes(other) >= max(_changes(found), 1) else found
+    elif any(map(is_another, searches)):
+        say("what judges shows what the others do not: fitting other parts")
+        other = by_parts(others=not runs.whole())
+        found = max(found, other, key=lambda d: len(d.findings))
     elif runs.whole() and only_where_judged(found, runs.judging()):
         say("only logs that no fit has seen show structure: fitting a part of each")
         for others in (False, True):
-            parts = lay_out(several, whole=False, others=others)
-            again = _evidence(several, parts, plants, noise, say).diagnosis()
+            again = by_parts(others)
             if again.verdict != found.verdict:
                 found = again
                 break
-    elif not runs.whole() and any(map(breaks_where_judged, evidence.searches.values())):
-        say("something changes in a part that judges: fitting other parts")
-        apart = lay_out(several, whole=False, others=True)
-        other = _evidence(several, apart, plants, noise, say).diagnosis()
-        found = other if _changes(other) >= max(_changes(found), 1) else found
-    elif not runs.whole() and any(map(is_another, evidence.searches.values())):
-        say("a part that judges shows what the others do not: fitting other parts")
-        apart = lay_out(several, whole=False, others=True)
-        other = _evidence(several, apart, plants, noise, say).diagnosis()
-        found = max(found, other, key=lambda d: len(d.findings))
     return found
 
 

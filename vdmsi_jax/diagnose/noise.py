@@ -79,16 +79,18 @@ class BriefNoise(Noise):
 
     def __init__(self, memory: float, dt: float):
         """Of a memory in s; `dt`: sample period, s."""
-        self.memory, self.keeps = memory, float(np.exp(-dt / memory))
+        self._keeps = float(np.exp(-dt / memory))
 
     def colours(self, left, mask, order):
-        # the roots of its filter move inwards by a factor: bandwidth expansion (Tohkura et al.,
-        # Spectral smoothing technique in PARCOR speech analysis-synthesis, 1978)
-        return autoregression(left, mask, order) * self.keeps ** np.arange(1, order + 1)
+        return autoregression(left, mask, order) * self._forgetting(order)
 
     def innovations(self, spectra, order):
-        coefficients = predicted(spectra, order)[0] * self.keeps ** np.arange(1, order + 1)
-        return _filtered(spectra, coefficients)
+        return _filtered(spectra, predicted(spectra, order)[0] * self._forgetting(order))
+
+    def _forgetting(self, order: int) -> Float[np.ndarray, " order"]:
+        """What moves the roots of a filter inwards by a factor: bandwidth expansion (Tohkura et
+        al., Spectral smoothing technique in PARCOR speech analysis-synthesis, 1978)."""
+        return self._keeps ** np.arange(1, order + 1)
 
 
 class KnownNoise(Noise):

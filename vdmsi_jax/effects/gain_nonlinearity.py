@@ -92,9 +92,7 @@ class Stiffening(AbstractOfResponse):
         return (-0.3, 0.1, 0.6)
 
     def effort(self, at: Effort) -> Float[Array, ""]:
-        level = jnp.where(jnp.abs(at.rest) > 1e-12, at.rest, 1e-12)
-        stiffness = 1.0 + self.quadratic * abs(at.y) + self.cubic * at.y * at.y
-        return (jnp.clip(stiffness, 0.1, 10.0) - 1.0) * at.y / level
+        return _more_pull(at, 1.0 + self.quadratic * abs(at.y) + self.cubic * at.y * at.y)
 
 
 class PowerLaw(AbstractEffect):
@@ -125,7 +123,12 @@ class PowerLaw(AbstractEffect):
         return [(-0.4,), (0.4,), (1.5,)]
 
     def effort(self, at: Effort) -> Float[Array, ""]:
-        level = jnp.where(jnp.abs(at.rest) > 1e-12, at.rest, 1e-12)
         part = jnp.maximum(jnp.abs(at.y) / self.size, 1e-6)
-        pull = jnp.clip(jnp.exp(self.bend * jnp.log(part)), 0.1, 10.0)
-        return (pull - 1.0) * at.y / level
+        return _more_pull(at, jnp.exp(self.bend * jnp.log(part)))
+
+
+def _more_pull(at: Effort, stiffness: Float[Array, ""]) -> Float[Array, ""]:
+    """The force by which something pulls the response back beyond what a linear one pulls, which
+    has a stiffness of one; between a tenth and ten times that."""
+    level = jnp.where(jnp.abs(at.rest) > 1e-12, at.rest, 1e-12)
+    return (jnp.clip(stiffness, 0.1, 10.0) - 1.0) * at.y / level
