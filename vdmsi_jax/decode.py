@@ -125,9 +125,9 @@ def _value(hint: Any, given: Any, source: str, place: str) -> Any:
         raise InputError(
             source, place, f"unknown value {given!r}", nearest(given, map(str, arguments))
         )
-    raise InputError(
-        source, place, f"{_show(given)} is not {_describe(hint)}", f"give {_describe(hint)}"
-    )
+    listed = origin is tuple and dataclasses.is_dataclass(arguments[0])
+    mend = f"begin each of them by [{place}]" if listed else f"give {_describe(hint)}"
+    raise InputError(source, place, f"{_show(given)} is not {_describe(hint)}", mend)
 
 
 def _number(hint: type, given: float | int, source: str, place: str) -> float | int:

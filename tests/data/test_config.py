@@ -87,6 +87,7 @@ def test_no_file_means_the_defaults():
         ("[derive]\np = { expression = 'v * v' }", ["[derive] p unit", "missing"]),
         ("[derive]\np = { unit = 'm' }", ["[derive] p", "rule or an expression"]),
         ("[[plants]]\nname = 'a'\ninputs = 'u'", ["[plants] 1 inputs", "did you mean 'input'"]),
+        ("[plants.a]\ninput = 'u'", ["[plants]", "begin each of them by [[plants]]"]),
         (
             "[[plants]]\nname='a'\ninput='u'\noutput='y'\n[[plants]]\nname='a'\ninput='u'\noutput='y'",
             ["two plants"],

@@ -61,7 +61,7 @@ def search(stage: Stage) -> Search:
     brief = BriefNoise(_BRIEF * stage.scales.time_constant, stage.dt)
     known = {f.number for f in found.findings}
     # what is linear shows in the innovations, whatever their colour
-    barred = IMITATORS | {"transport_delay"}
+    barred = (IMITATORS | {"transport_delay"}) - {"offset"}
     asked = tuple(k for k in stage.allowed if k in known or stage.slots[k].cause not in barred)
     other = _search(replace(stage, noise=brief, allowed=asked))
     return other if _bears_out(found, other) else found

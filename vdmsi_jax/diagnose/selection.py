@@ -20,6 +20,7 @@ from .starts import (
     bent,
     delayed,
     late,
+    levelled,
     mirrored,
     nested,
     pulled_back,
@@ -78,7 +79,7 @@ def climbed(
         else:
             smaller = [h for order in _SMALL for h in late(stage, now, order)]
             lost = backward(now.hypothesis).size > 0
-            patient = []
+            patient = levelled(stage, now.hypothesis)
             for h in smaller:
                 (patient if lost or _waits(stage, h) else starts).append(h)
             starts += pulled_back(stage, now)

@@ -18,6 +18,7 @@ _SMALLEST, _WIDEST = 0.02, 0.25  # steps that are tried, of the command's range
 _PACES = (1.0, 2.0, 5.0)  # of a plant beside a delay, which had told it by a slower pole
 _DELAYS, _LONGEST, _NEARLY = 16, 0.1, 2.0  # how many are tried, up to which share of the longest
 # run, and how much more than the least error others may leave
+_LEVEL = 0.05  # of the response, by which it is tried to be off
 _CHANGE = 0.1  # of gain, to try moments with
 
 
@@ -100,6 +101,22 @@ def lingers(stage: Stage, h: Hypothesis) -> bool:
     poles, zeros = np.roots(h.den), np.roots(h.num)
     near = np.abs(poles[:, None] - zeros) < once
     return bool(np.any(near & (np.abs(poles) < once)[:, None]))
+
+
+def levelled(stage: Stage, h: Hypothesis) -> list[Hypothesis]:
+    """The same with an offset, up or down, for a mode that lingers and its zero."""
+    number = _number(stage, "offset")
+    if not lingers(stage, h) or number in h.active:
+        return []
+    poles, zeros, level = np.roots(h.den), np.roots(h.num), h.num[-1] / h.den[-1]
+    slow, near = np.argmin(np.abs(poles)), np.argmin(np.abs(zeros))
+    if poles[slow].imag != 0.0 or zeros[near].imag != 0.0:
+        return []
+    den = np.real(np.poly(np.delete(poles, slow)))
+    num = np.atleast_1d(np.real(np.poly(np.delete(zeros, near))))
+    bare = plant(h, stage, den, num * level * den[-1] / num[-1])
+    size = _LEVEL * stage.scales.response
+    return [_added(stage, bare, number, bias) for bias in (-size, size)]
 
 
 def shifted(
