@@ -11,7 +11,7 @@ from vdmsi_jax.diagnose.chain import bands, regress
 from vdmsi_jax.diagnose.disturbance import apart, demands, moving, scores
 from vdmsi_jax.diagnose.judge import Scored, Trial, confirmed, gain_of
 from vdmsi_jax.diagnose.prepare import stage_of
-from vdmsi_jax.diagnose.remains import unexplained
+from vdmsi_jax.diagnose.remains import Remains, unexplained
 from vdmsi_jax.diagnose.result import Gain, Unexplained
 from vdmsi_jax.diagnose.runs import lay_out
 from vdmsi_jax.diagnose.unexplained import SMALL, beside_response, events, slow_error, structure
@@ -72,6 +72,22 @@ def test_wind_is_told_as_steady_unless_it_is_all_there_is():
     assert slow(wind(0.05)) is None  # small beside the response
     all_there_is = slow(wind(1.0))
     assert all_there_is is not None and all_there_is.puzzling and not all_there_is.steady
+
+
+def test_a_larger_disturbance_is_one_where_nothing_hints_at_another_thing():
+    found = slow(wind(0.3))
+    assert found is not None and found.even
+    masks = EVERYWHERE, ~EVERYWHERE
+    blind = slow_error("r", NOISE + wind(0.3), NOISE, RESPONSE, ASKED[:0], masks, DT)
+    assert blind is not None and blind.steady and not blind.even  # of rough ground alone
+
+    def disturbs(size: float, even: bool) -> bool:
+        remains = Remains((replace(found, size=size, even=even),), ())
+        assert bool(remains.disturbances) is not bool(remains.structure)
+        return bool(remains.disturbances)
+
+    assert disturbs(0.14, even=True) and disturbs(0.06, even=False)
+    assert not disturbs(0.14, even=False) and not disturbs(0.2, even=True)
 
 
 def test_a_slow_error_that_goes_with_what_is_asked_is_the_model_s():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vdmsi_jax.diagnose.travelled import line_over
+from vdmsi_jax.diagnose.travelled import line_in_place, line_over
 
 DT, ROWS = 0.01, 4000
 T = DT * np.arange(ROWS)
@@ -35,3 +35,26 @@ def test_what_stands_still_travels_nothing():
     still = np.zeros(WAY.shape)
     assert line_over(still, NOISE, NOISE, EVERYWHERE, DT) is None
     assert line_over(WAY, NOISE, NOISE, ~EVERYWHERE, DT) is None
+
+
+PLACE = np.stack([0.8 * np.sin(0.21 * T + 0.4 * np.sin(T)), 0.7 * np.cos(0.37 * T)])
+
+
+def place(error):
+    e = NOISE + error
+    return line_in_place(PLACE, e, e, EVERYWHERE, DT)
+
+
+def test_detents_are_told_by_how_far_they_are_apart():
+    found = place(0.08 * np.sin(2.0 * np.pi * PLACE / 0.25))
+    assert found is not None
+    assert found.period == pytest.approx(0.25, rel=0.07)  # few turns make a broad line
+
+
+@pytest.mark.parametrize(
+    "error",
+    [0.0, 0.2 * PLACE**2, 0.2 * np.abs(PLACE), 0.1 * np.sin(2.0 * np.pi * 1.3 * T)],
+    ids=["noise", "a bend", "a kink", "a hum"],
+)
+def test_what_bends_with_the_place_has_no_detents(error):
+    assert place(error) is None

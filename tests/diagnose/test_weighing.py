@@ -2,10 +2,12 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import made_up_diagnosis
 from vdmsi_jax.config import PlantSpec
+from vdmsi_jax.data.record import Record, Segment
 from vdmsi_jax.diagnose.found import Search
 from vdmsi_jax.diagnose.judge import Trial
 from vdmsi_jax.diagnose.leftover import only_where_judged
@@ -111,6 +113,38 @@ def test_what_swings_does_so_a_few_times_or_is_any_slow_error(hertz, nothing, ca
         made_up_diagnosis.siso().findings[0], cause=cause, parameters=seen, gain=gain(0.4)
     )
     assert WEIGHING._negligible(mode) is nothing
+
+
+def of_a_car(cause: str, where: str, value: float, points: float, **more) -> Finding:
+    """A finding of a car at 2 m/s, worth so many points of FIT."""
+    worth = Gain("v", 96.0, 96.0 + points, 0.01, mse_before=1.0, mse_after=0.85, **more)
+    seen = {"one": Estimate(value, 0.1 * abs(value), "1")}
+    found = made_up_diagnosis.siso().findings[0]
+    found = replace(found, cause=cause, where=where, parameters=seen, gain=worth, share=0.15)
+    return replace(found, statistic=500.0)
+
+
+TIME = RUNS.dt * np.arange(2000)
+CAR = Record("run", RUNS.dt, TIME, {"v": np.full(2000, 2.0)}, {"v": "m/s"}, (Segment(0, 2000),))
+DRIVES = replace(WEIGHING, runs=replace(RUNS, records=(CAR,)))
+
+
+@pytest.mark.parametrize(
+    ("points", "path", "nothing"),
+    [(0.2, (1.0, 1.0), True), (0.2, (1.0, 0.5), False), (2.0, (1.0, 1.0), False)],
+    ids=["as every vehicle", "on the road it matters", "much"],
+)
+def test_a_speed_that_falls_a_little_in_bends_is_every_vehicle_s(points, path, nothing):
+    on_the_road = {"ate_before": path[0], "ate_after": path[1]}
+    found = of_a_car("cross_coupling", "powertrain", 0.02, points, **on_the_road)
+    assert DRIVES._negligible(found) is nothing
+    assert not DRIVES._negligible(replace(found, share=0.6))
+
+
+@pytest.mark.parametrize(("gradient", "nothing"), [(-0.002, True), (0.01, False)])
+def test_a_body_that_turns_the_same_but_for_a_per_cent_does_not_understeer(gradient, nothing):
+    found = of_a_car("understeer", "vehicle", gradient, 0.1)
+    assert DRIVES._negligible(found) is nothing
 
 
 def finding(cause: str, share: float) -> Finding:

@@ -19,7 +19,7 @@ from .result import Diagnosis, Unexplained
 from .runs import Runs
 from .search import FREE
 from .stage import Stage
-from .travelled import line_over
+from .travelled import line_in_place, line_over
 from .unexplained import (
     LARGE_HELD_OUT,
     SMALL,
@@ -33,6 +33,7 @@ from .unexplained import (
 )
 from .windows import thinned
 
+_STEP = 0.1  # by which what repeats with the place may differ from the step of a rounding
 _LOUD = 100.0  # of twice the log-likelihood, from which a cause that fails on other data is told
 _SEEN = 0.005  # of the squared error, from which on it is
 _PUZZLING = 0.2  # of it, from which on it casts doubt on what was found beside
@@ -155,7 +156,8 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     causes = [stage.slots[finding.number].cause for finding in own.findings]
     kind = explained(weighed(*asked(spec, stage, final.y, evenly)), causes)
     found = _of_a_kind(spec.output, kind, causes, e, stage.y, stage.mask)
-    found += _of_the_way(spec.output, final.y, e, white, stage)
+    steps = [step for r in runs.records if (step := r.step(spec.output)) is not None]
+    found += _of_the_way(spec.output, final.y, e, white, stage, steps)
     found += structure(spec.output, e * evenly, white, *masks, runs.names, stage.dt)
     needs = demands(stage.u, final.y, stage.mask | stage.held_out, stage.dt)
     moves = moving(np.asarray(stage.signals.v), stage.mask | stage.held_out)
@@ -199,21 +201,34 @@ def _of_a_kind(
 
 
 def _of_the_way(
-    channel: str, response: np.ndarray, e: np.ndarray, white: np.ndarray, stage: Stage
+    channel: str,
+    response: np.ndarray,
+    e: np.ndarray,
+    white: np.ndarray,
+    stage: Stage,
+    steps: Sequence[float],
 ) -> list[Unexplained]:
-    """What repeats with the way, which is the integral of the response: that of a speed."""
+    """What repeats with the way, which is the integral of the response: that of a speed. Or with
+    the place, which is the response itself: that of a position, unless it is logged in such
+    steps."""
     use = stage.mask | stage.held_out
-    line = line_over(np.cumsum(response, axis=1) * stage.dt, e, white, use, stage.dt)
-    if line is None:
-        return []
     unit = "m of way" if channel == "v" else f"of the integral of {channel}"
+    line, on = (
+        line_over(np.cumsum(response, axis=1) * stage.dt, e, white, use, stage.dt),
+        "integral",
+    )
+    if line is None:
+        line, on = line_in_place(response, e, white, use, stage.dt), ""
+        unit = f"of {channel}"
+    if line is None or any(abs(line.period - step) < _STEP * step for step in steps):
+        return []
     words = f"it repeats every {line.period:.3g} {unit}"
-    on, size = (f"integral of {channel}",), np.sqrt(line.share * np.mean(e[use] ** 2))
-    size = float(size) / extent(stage.y[use])
+    depends = (f"{on} of {channel}" if on else channel,)
+    size = float(np.sqrt(line.share * np.mean(e[use] ** 2))) / extent(stage.y[use])
     if size < SMALL:
         words += f"; {100.0 * size:.1f} % of the response's spread"
-        return [Unexplained(channel, line.share, on, (), words, size=size)]
-    return [Unexplained(channel, line.share, on, (), words, puzzling=line.share > _PUZZLING)]
+        return [Unexplained(channel, line.share, depends, (), words, size=size)]
+    return [Unexplained(channel, line.share, depends, (), words, puzzling=line.share > _PUZZLING)]
 
 
 def asked(

@@ -17,8 +17,9 @@ _SETTLED = 0.75  # share of a channel's error from which on findings have explai
 _OPEN = 0.12  # share of it that is left and structure, from which on they have not
 _ELSEWHERE = 0.08  # slow error, of a response's spread, that weighs beside findings elsewhere,
 _WIND_ELSEWHERE = 0.12  # and one that goes with nothing commanded
-_NO_WIND = 0.08  # the same, beyond which an error is no disturbance: of clean exams up to 0.06, and
-# what the library lacks 0.09 to 0.33
+_NO_WIND, _NO_EVEN_WIND = 0.08, 0.16  # the same, beyond which an error is no disturbance, and one
+# that nothing hints at being another thing: of clean exams up to 0.06 and, even ones, 0.14; of what
+# the library lacks 0.09 to 0.33
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +47,7 @@ class Remains:
     @cached_property
     def disturbances(self) -> list[Unexplained]:
         """Steady slow errors that go with nothing commanded, as wind."""
-        return [u for u in self.found if u.steady and u.size <= _NO_WIND]
+        return [u for u in self.found if u.steady and not _too_large(u)]
 
     @cached_property
     def structure(self) -> list[Unexplained]:
@@ -74,7 +75,12 @@ class Remains:
 
     @cached_property
     def _beyond(self) -> list[Unexplained]:
-        return [u for u in self.found if u.steady and u.size > _NO_WIND]
+        return [u for u in self.found if u.steady and _too_large(u)]
+
+
+def _too_large(disturbance: Unexplained) -> bool:
+    """Whether it is larger than what wind and rough ground do."""
+    return disturbance.size > (_NO_EVEN_WIND if disturbance.even else _NO_WIND)
 
 
 def unexplained(

@@ -135,6 +135,7 @@ class Unexplained:
         size: of a slow error, or of one that is small, of the response's spread; else infinite.
         of_form: whether a cause that was found would explain it, were its form a freer one.
         steady: whether it is a disturbance, such as wind: it does not go with what is asked.
+        even: whether nothing so much as hints that a steady one is anything else.
     """
 
     channel: str
@@ -146,6 +147,7 @@ class Unexplained:
     size: float = math.inf
     of_form: bool = False
     steady: bool = False
+    even: bool = False
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """What each cause of a model is worth, and which others could stand in its place."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 
 from .baseline import order_of
 from .found import Finding
@@ -24,24 +25,40 @@ _TRIED = 5  # causes of a screen that are tried in the place of one
 _RIVALS = 8  # that are told
 
 
+def worths(stage: Stage, final: Refit) -> tuple[Finding, ...]:
+    """Each cause of a model with what it is worth there, the strongest first."""
+    numbers = final.hypothesis.active
+    fits = refit(stage, [without(stage, final.hypothesis, number) for number in numbers])
+    late = {
+        k: all_pole(stage, f.hypothesis)
+        for k, f in zip(numbers, fits, strict=True)
+        if stage.slots[k].cause == "transport_delay" and backward(f.hypothesis).size
+    }
+    less = dict(zip(numbers, fits, strict=True))
+    less |= dict(zip(late, refit(stage, list(late.values())), strict=True))
+    found = [Finding(k, 2.0 * (final.loglik - f.loglik), f) for k, f in less.items()]
+    return tuple(sorted(found, key=lambda f: -f.gain))
+
+
 def findings_of(
-    stage: Stage, final: Refit, seen: Mapping[tuple, Refit], failed: Collection[int] = ()
+    stage: Stage,
+    findings: Sequence[Finding],
+    final: Refit,
+    seen: Mapping[tuple, Refit],
+    failed: Collection[int] = (),
 ) -> tuple[tuple[Finding, ...], Refit | None]:
-    """Each cause of the final model with what it is worth there and what could stand in its
-    place, of causes that have not failed; and the best fit with another in the place of one."""
+    """Findings of a model with what could stand in their place, of causes that have not failed; and
+    the best fit with another in the place of one."""
     found, tried = [], []
-    for number in final.hypothesis.active:
-        less = refit(stage, [without(stage, final.hypothesis, number)])[0]
-        if stage.slots[number].cause == "transport_delay" and backward(less.hypothesis).size:
-            less = refit(stage, [all_pole(stage, less.hypothesis)])[0]
-        gain = 2.0 * (final.loglik - less.loglik)
+    for finding in findings:
+        number, gain, less = finding.number, finding.gain, finding.less
         screened = screen(stage, less, fine=stage.slots[number].cause in RAGGED)
         probes = [joined(less.hypothesis, c) for c in screened if c.number == number]
         promised = next(iter(refit(stage, probes, rounds=1, further=0)), None)
         barred = {number, *failed}
         able = (c for c in screened if c.number not in barred and c.gain > _ABLE * gain)
-        others = leading(stage, able, _TRIED)
-        fits = refit(stage, [joined(less.hypothesis, c) for c in others])
+        leaders = leading(stage, able, _TRIED)
+        fits = refit(stage, [joined(less.hypothesis, c) for c in leaders])
         kept, own = set(less.hypothesis.active), stage.slots[number]
         fits += [
             f
@@ -69,9 +86,10 @@ def findings_of(
             for k in near
             if steadiness(stage, best[k], final) < _apart(own.cause, stage.slots[k].cause)
         ]
-        found.append(Finding(number, gain, less, tuple(rivals), promised, tuple(alike)))
+        others = tuple(rivals)
+        found.append(replace(finding, others=others, promised=promised, alike=tuple(alike)))
     best_other = max(tried, key=lambda f: score(stage, f), default=None)
-    return tuple(sorted(found, key=lambda f: -f.gain)), best_other
+    return tuple(found), best_other
 
 
 def _near(cause: str, other: str, lacks: float, gain: float) -> bool:

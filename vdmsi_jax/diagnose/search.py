@@ -16,7 +16,7 @@ from .noise import BriefNoise, OwnNoise
 from .outcome import completed
 from .price import CAUSE_COST, score
 from .refit import refit
-from .rivals import findings_of
+from .rivals import findings_of, worths
 from .screen import acts_in_steps
 from .selection import cleared, climbed, eliminate, rings_rather
 from .stage import Stage
@@ -96,25 +96,16 @@ def _search(stage: Stage, may_step: bool = False) -> Search:
     if may_step and acts_in_steps(stage, plain):
         raise ActsInSteps
     now, screened, seen = climbed(stage, plain, grid)
-    now, findings = _swapped(stage, now, seen, set(), set())
     failed: list[Failed] = []
     borne: set[int] = set()  # causes that data held out bear out, whatever they cost
+    swaps = 0
     while True:
-        found = _whole(whole, stage, plain, grid, now, findings)
-        worth = [_confirmed(found, f) for f in found.findings]
-        if len(worth) > 1 and _untold(found, found.findings[-1]):
-            worth[-1] = min(worth[-1], 0.0)
         numbers = {f.finding.number for f in failed}
-        against = Scored("", whole.y, found.plain.y, found.final.y, found.final.colour)
-        if not worth or (min(worth) > 0.0 and not _worse(against, whole)):
-            more = _borne_out(found, seen, numbers | borne)
-            if more is None:
-                told = _foretold(whole, found.findings)
-                return replace(found, findings=told, screened=tuple(screened), failed=tuple(failed))
-            borne |= set(more.hypothesis.active) - set(now.hypothesis.active)
-            now = more
-        else:
-            worst = _first_out(found.findings, worth)
+        now = eliminate(stage, now, seen, borne)
+        findings = worths(stage, now)
+        found = _whole(whole, stage, plain, grid, now, findings)
+        worst = _failing(found)
+        if worst is not None:  # before what could stand in its place, which takes long
             failed.append(Failed(found.findings[worst], found.final))
             numbers.add(findings[worst].number)
             again = None
@@ -124,23 +115,38 @@ def _search(stage: Stage, may_step: bool = False) -> Search:
             now = _instead(stage, findings[worst].less, seen, numbers)
             if again is not None and not now.hypothesis.active:
                 now = again  # a name that is worth less than its price, and yet told
-        now, findings = _swapped(stage, now, seen, numbers, borne)
+            swaps = 0
+            continue
+        findings, other = findings_of(stage, findings, now, seen, numbers)
+        if other is not None and swaps < SWAPS and _takes_over(stage, now, other, seen):
+            now, swaps = other, swaps + 1
+            continue
+        pairs = zip(findings, found.findings, strict=True)
+        found = replace(found, findings=tuple(replace(f, less=own.less) for f, own in pairs))
+        more = _borne_out(found, seen, numbers | borne)
+        if more is None:
+            told = _foretold(whole, found.findings)
+            return replace(found, findings=told, screened=tuple(screened), failed=tuple(failed))
+        borne |= set(more.hypothesis.active) - set(now.hypothesis.active)
+        now, swaps = more, 0
 
 
-def _swapped(
-    stage: Stage, now: Refit, seen: dict[tuple, Refit], failed: set[int], borne: set[int]
-) -> tuple[Refit, tuple[Finding, ...]]:
-    """A model without needless causes, unless they are borne out, and with others in their place
-    where those explain more and have not failed; and what its causes are worth."""
-    for _ in range(SWAPS):
-        now = eliminate(stage, now, seen, borne)
-        findings, other = findings_of(stage, now, seen, failed)
-        if other is None or score(stage, other) < score(stage, now) + SWAPPED:
-            return now, findings
-        if rings_rather(stage, now, other, seen):
-            return now, findings
-        now = other
-    return now, findings_of(stage, now, seen, failed)[0]
+def _takes_over(stage: Stage, now: Refit, other: Refit, seen: Mapping[tuple, Refit]) -> bool:
+    """Whether a model with another cause in the place of one explains more."""
+    better = score(stage, other) >= score(stage, now) + SWAPPED
+    return better and not rings_rather(stage, now, other, seen)
+
+
+def _failing(found: Search) -> int | None:
+    """Which cause data held out do not bear out, if any."""
+    worth = [_confirmed(found, f) for f in found.findings]
+    if len(worth) > 1 and _untold(found, found.findings[-1]):
+        worth[-1] = min(worth[-1], 0.0)
+    y = found.stage.y
+    against = Scored("", y, found.plain.y, found.final.y, found.final.colour)
+    if not worth or (min(worth) > 0.0 and not _worse(against, found.stage)):
+        return None
+    return _first_out(found.findings, worth)
 
 
 def _first_out(findings: Sequence[Finding], worth: Sequence[float]) -> int:

@@ -33,6 +33,7 @@ _SUBTLE = 0.025  # the same, below which it casts no doubt on a name
 _HUGE = 0.3  # the same, from which on it is told whatever it looks like
 _GOES_ALONG, _RARE = 4.5, 4.0  # `disturbance.scores`, from which on a large one is the model's:
 _SURELY = 6.5  # disturbances of 60 blind cases had up to 4.3 and 3.8, other kinds 5 to 21
+_EVEN, _APART_AT_ALL = 1.5, 0.1  # below which nothing hints at another thing than a disturbance
 _APART = 0.25  # of a slow error, from which on its means set runs apart: of clean exams up to 0.09,
 # of changes between runs and of lasting efforts 0.26 to 0.55
 SMALL = 0.012
@@ -133,7 +134,8 @@ def slow_error(
         scored = scored or scores(residual, asked, known & moving, dt)
         along, rare = scored
         large = size > max(least * spread, _BESIDE * fast)
-        made = along > _GOES_ALONG or rare > _RARE or apart(residual, known, dt) > _APART
+        parted = apart(residual, known, dt)
+        made = along > _GOES_ALONG or rare > _RARE or parted > _APART
         if not large and max(along, rare) < _SURELY:
             continue
         share = min(size**2 / max(float(np.mean(residual[use] ** 2)), 1e-300), 1.0)
@@ -141,7 +143,10 @@ def slow_error(
         words = f"a slow error of {100.0 * size:.0f} % of the response's spread"
         steady = not made and (not len(asked) or size < _HUGE)
         puzzling = not steady and size > _SUBTLE
-        return Unexplained(channel, share, ("t",), (), words, puzzling, size, steady=steady)
+        even = steady and len(asked) > 0 and max(along, rare) < _EVEN and parted < _APART_AT_ALL
+        return Unexplained(
+            channel, share, ("t",), (), words, puzzling, size, steady=steady, even=even
+        )
     return None
 
 

@@ -33,6 +33,9 @@ _CLEAR, _FEW = 2.0, 3  # standard errors, below which a parameter may be nothing
 _PUZZLE = 0.1  # share of the error without a cause that must puzzle beside it, to doubt its name
 _PERIODS = 6.0  # in the longest run, of a periodic disturbance beside what nothing explains
 _BUS, _LATE = 0.02, 2.5  # s and points of FIT, below which both a delay is every bus's
+_SAME = 0.01  # of a yaw rate, that no body is known better by
+_DRAGGED, _DRAG = 0.5, 0.25  # points of FIT and share, below which both a speed that falls in bends
+# and leaves the path as it was is every vehicle's: of a physics engine's cars up to 0.28 and 0.15
 _TURNS = 0.1  # s, below which a body's lag by its inertia is every vehicle's
 _SWINGS = 3.0  # in the longest run, of a mode or a periodic disturbance, below which any slow error
 # has it
@@ -199,8 +202,8 @@ class Weighing:
         """Whether it is less than a body's or a plant's own: a sensor that is late by less than
         half a sample, tyres by less than one that tell little, a body that turns with its tyres, a
         response that is early or late by what every bus takes, a mode that poles of the baseline
-        tell as well, or what hardly swings in these logs; a body that is slightly another; or a
-        small gain in one channel that is none on the road.
+        tell as well, or what hardly swings in these logs; a body that is slightly another, or
+        slower in bends; or a small gain in one channel that is none on the road.
         """
         value, dt = next(iter(found.parameters.values())).value, self.runs.dt
         none, g = False, found.gain
@@ -209,6 +212,11 @@ class Weighing:
         elif found.cause == "tyre_relaxation":
             short = value < dt * float(np.mean(np.abs(self.runs.channel("v"))))
             none = short and found.share < _STRONG  # what every vehicle has tells a part of it
+        elif found.cause == "understeer":
+            same = abs(value) * float(np.mean(self.runs.channel("v") ** 2)) < _SAME
+            none = same and g.after - g.before < _SLIGHT_POINTS
+        elif found.cause == "cross_coupling" and found.where == "powertrain":
+            none = found.share < _DRAG and g.after - g.before < _DRAGGED and not _shorter(g)
         elif found.cause == "yaw_inertia":
             none = value * float(np.mean(np.abs(self.runs.channel("v")))) < _TURNS
         elif found.cause == "transport_delay":
@@ -228,6 +236,13 @@ class Weighing:
 def _by_brief_noise(cause: Named) -> bool:
     """Whether noise of the error's own colour would not show it."""
     return cause.search is not None and isinstance(cause.search.stage.noise, BriefNoise)
+
+
+def _shorter(gain: Gain) -> bool:
+    """Whether the error of the path is clearly less."""
+    if gain.ate_before is None or gain.ate_after is None:
+        return False
+    return gain.ate_after < (1.0 - _DOUBTFUL) * gain.ate_before
 
 
 def _vague(cause: Named, found: Finding) -> bool:
