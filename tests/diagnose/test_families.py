@@ -162,3 +162,28 @@ def test_tyres_whose_grip_runs_out():
 def test_plays_rest_until_a_flank_carries_them():
     x = np.array([[0.0, 1.0, 0.5, -0.2, -2.0]])
     np.testing.assert_allclose(plays(x, [0.5])[0], [[0.0, 0.5, 0.5, 0.3, -1.5]])
+
+
+def swaying(turn, hertz, damping):
+    """Yaw rate of a body on tyres that need a way to build up their slip, beside its inertia."""
+    omega, r, rate = 2.0 * np.pi * hertz, turn.copy(), np.zeros_like(turn)
+    for k in range(1, turn.shape[1]):
+        pull = omega**2 * (turn[:, k - 1] - r[:, k - 1]) - 2.0 * damping * omega * rate[:, k - 1]
+        rate[:, k] = rate[:, k - 1] + DT * pull
+        r[:, k] = r[:, k - 1] + DT * rate[:, k]
+    return r
+
+
+def test_a_body_that_sways_is_told_and_one_that_follows_is_not():
+    """A body's small lag is every vehicle's, and in the model; a mode of its own is none."""
+    rng = np.random.default_rng(11)
+    v, delta = 4.0 + steps(rng, (3.0, 6.0), 1.0), lagged(steps(rng, size=0.3), 0.15)
+    turn = v * delta
+    linear, families = of_body(v, delta, T, MASK, DT)
+
+    def told(r):
+        return explained(weighed(r - turn + noise(rng), linear, families, MASK, ~MASK, DT))
+
+    found = told(swaying(turn, 2.0, 0.2))
+    assert found is not None and found.family.words == "a body that sways"
+    assert told(turn) is None and told(turn + 0.05 * (lagged(turn, DT) - turn)) is None

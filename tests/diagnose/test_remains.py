@@ -77,6 +77,9 @@ def test_wind_is_told_as_steady_unless_it_is_all_there_is():
 def test_a_larger_disturbance_is_one_where_nothing_hints_at_another_thing():
     found = slow(wind(0.3))
     assert found is not None and found.even
+    args = "v", NOISE + wind(0.3), NOISE, RESPONSE, ASKED, (EVERYWHERE, ~EVERYWHERE), DT
+    of_slow = slow_error(*args, time_constant=10.0)
+    assert of_slow is not None and of_slow.steady and not of_slow.even  # six of them are few
     masks = EVERYWHERE, ~EVERYWHERE
     blind = slow_error("r", NOISE + wind(0.3), NOISE, RESPONSE, ASKED[:0], masks, DT)
     assert blind is not None and blind.steady and not blind.even  # of rough ground alone

@@ -28,6 +28,7 @@ _START = 2.0  # s at the start of what is held out, where the states at the star
 _WIDTHS = (0.02, 0.05, 0.1, 0.2, 0.35)  # of plays, of the range
 _PASTS = (3.0, 10.0, 30.0)  # s
 _LAGS = (0.1, 0.3, 1.0, 3.0)  # s
+_SWAYS = (0.05, 0.15, 0.5)  # s
 _WAVES = 24
 _EACH = 15  # samples, at the least, for each weight
 _BETTER = (1.2, 20.0)  # times a cause's gain, and beyond, from which a kind tells it better
@@ -41,6 +42,7 @@ _CURVED = (
 _PACED = ("rate_limit", "gain_asymmetry")
 _AGING = ("gain_drift", "regime_change", "offset", "periodic_disturbance", "road_grade")
 _CROSSED = ("cross_coupling", "speed_dependent_gain")
+_SWAYING = ("tyre_relaxation", "yaw_inertia")
 _LATE = ("sensor_lag", "sensor_delay", "tyre_relaxation", "yaw_inertia")
 
 
@@ -156,10 +158,17 @@ def of_body(
     paced = [np.abs(turn) * rate, turn**2 * rate, np.abs(rate), np.abs(rate) * rate, v * rate]
     shifted = [braked, braked * delta, braked * turn, braked * rate, np.abs(braked) * delta]
     states = {"v": v, "delta": delta, "lateral acceleration": lateral, "t": t}
+    behind = [history(turn, s, dt) for s in _SWAYS]
+    sways = [
+        np.gradient(rate, dt, axis=1),
+        *behind,
+        *(history(x, s, dt) for x, s in zip(behind, _SWAYS, strict=True)),
+    ]
     found = [
         _family("tyres whose grip runs out", ["lateral acceleration"], tyres),
         _hysteresis(turn, "delta", mask),
         _family("braking and accelerating while it turns", ["rate of v"], shifted, _LATE),
+        _family("a body that sways", ["delta"], sways, _SWAYING),
         _any("a function of speed and angle", states, mask),
     ]
     lagged = [v * history(delta, s, dt) for s in _LAGS[:2]]

@@ -162,7 +162,8 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     needs = demands(stage.u, final.y, stage.mask | stage.held_out, stage.dt)
     moves = moving(np.asarray(stage.signals.v), stage.mask | stage.held_out)
     known = stage.noise.slow
-    slow = slow_error(spec.output, e, white, stage.y, needs, masks, stage.dt, known, moves)
+    about = spec.output, e, white, stage.y, needs, masks, stage.dt
+    slow = slow_error(*about, known, moves, stage.scales.time_constant)
     if slow is not None:
         found.append(slow)
     for failed in own.failed:

@@ -34,6 +34,7 @@ _HUGE = 0.3  # the same, from which on it is told whatever it looks like
 _GOES_ALONG, _RARE = 4.5, 4.0  # `disturbance.scores`, from which on a large one is the model's:
 _SURELY = 6.5  # disturbances of 60 blind cases had up to 4.3 and 3.8, other kinds 5 to 21
 _EVEN, _APART_AT_ALL = 1.5, 0.1  # below which nothing hints at another thing than a disturbance
+_LONG = 50.0  # time constants, that are looked at to say so
 _APART = 0.25  # of a slow error, from which on its means set runs apart: of clean exams up to 0.09,
 # of changes between runs and of lasting efforts 0.26 to 0.55
 SMALL = 0.012
@@ -102,6 +103,7 @@ def slow_error(
     dt: float,
     noise: float = 0.0,
     moving: Bool[np.ndarray, "R N"] | bool = True,
+    time_constant: float = 0.0,
 ) -> Unexplained | None:
     """A slow error that is large beside the response: noise with a colour can imitate anything that
     is slow, so no innovation shows it, and its size is what tells it. One that neither goes with
@@ -119,6 +121,7 @@ def slow_error(
         noise: standard deviation of what is slow and known to be noise.
         moving: where a vehicle moves: while it stands, wind and rough ground do nothing, and they
             would seem to go with what is asked.
+        time_constant: of the plant, s: few of them hint at nothing, whatever makes the error.
     """
     known = masks[0] | masks[1]
     scored = None
@@ -143,7 +146,9 @@ def slow_error(
         words = f"a slow error of {100.0 * size:.0f} % of the response's spread"
         steady = not made and (not len(asked) or size < _HUGE)
         puzzling = not steady and size > _SUBTLE
-        even = steady and len(asked) > 0 and max(along, rare) < _EVEN and parted < _APART_AT_ALL
+        long = bool(known.sum() * dt > _LONG * time_constant)
+        even = steady and long and len(asked) > 0
+        even = even and max(along, rare) < _EVEN and parted < _APART_AT_ALL
         return Unexplained(
             channel, share, ("t",), (), words, puzzling, size, steady=steady, even=even
         )
