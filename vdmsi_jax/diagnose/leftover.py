@@ -156,7 +156,8 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     causes = [stage.slots[finding.number].cause for finding in own.findings]
     kind = explained(weighed(*asked(spec, stage, final.y, evenly)), causes)
     found = _of_a_kind(spec.output, kind, causes, e, stage.y, stage.mask)
-    steps = [step for r in runs.records if (step := r.step(spec.output)) is not None]
+    logged = [r for r in runs.records if spec.output in r]
+    steps = [step for r in logged if (step := r.step(spec.output)) is not None]
     found += _of_the_way(spec.output, final.y, e, white, stage, steps)
     found += structure(spec.output, e * evenly, white, *masks, runs.names, stage.dt)
     needs = demands(stage.u, final.y, stage.mask | stage.held_out, stage.dt)
