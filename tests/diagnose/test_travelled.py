@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vdmsi_jax.diagnose.travelled import line_in_place, line_over
+from vdmsi_jax.diagnose.travelled import line_over
 
 DT, ROWS = 0.01, 4000
 T = DT * np.arange(ROWS)
@@ -42,7 +42,7 @@ PLACE = np.stack([0.8 * np.sin(0.21 * T + 0.4 * np.sin(T)), 0.7 * np.cos(0.37 * 
 
 def place(error):
     e = NOISE + error
-    return line_in_place(PLACE, e, e, EVERYWHERE, DT)
+    return line_over(PLACE, e, e, EVERYWHERE, DT, place=True)
 
 
 def test_detents_are_told_by_how_far_they_are_apart():

@@ -43,7 +43,7 @@ _PACED = ("rate_limit", "gain_asymmetry")
 _AGING = ("gain_drift", "regime_change", "offset", "periodic_disturbance", "road_grade")
 _CROSSED = ("cross_coupling", "speed_dependent_gain")
 _SWAYING = ("tyre_relaxation", "yaw_inertia")
-_LATE = ("sensor_lag", "sensor_delay", "tyre_relaxation", "yaw_inertia")
+_LATE = ("sensor_lag", "sensor_delay", *_SWAYING)
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from .result import Diagnosis, Unexplained
 from .runs import Runs
 from .search import FREE
 from .stage import Stage
-from .travelled import line_in_place, line_over
+from .travelled import line_over
 from .unexplained import (
     LARGE_HELD_OUT,
     SMALL,
@@ -220,7 +220,7 @@ def _of_the_way(
         "integral",
     )
     if line is None:
-        line, on = line_in_place(response, e, white, use, stage.dt), ""
+        line, on = line_over(response, e, white, use, stage.dt, place=True), ""
         unit = f"of {channel}"
     if line is None or any(abs(line.period - step) < _STEP * step for step in steps):
         return []

@@ -41,6 +41,7 @@ def line_over(
     innovations: Float[np.ndarray, "R N"],
     use: Bool[np.ndarray, "R N"],
     dt: float,
+    place: bool = False,
 ) -> Line | None:
     """The line of an error over the way, where it is sure. Each run begins at a phase of its own.
 
@@ -49,47 +50,22 @@ def line_over(
         residual: the error; `innovations`: the same whitened.
         use: samples that count.
         dt: sample period, s.
+        place: whether `way` is a place, to which one comes back, and with which an error may bend.
     """
-    return _line(way, residual, innovations, use, dt, _TURNS, _SURE)
-
-
-def line_in_place(
-    place: Float[np.ndarray, "R N"],
-    residual: Float[np.ndarray, "R N"],
-    innovations: Float[np.ndarray, "R N"],
-    use: Bool[np.ndarray, "R N"],
-    dt: float,
-) -> Line | None:
-    """The same over a place, to which one comes back."""
-    found = _line(place, residual, innovations, use, dt, _TURNS_IN_PLACE, _SURE_IN_PLACE)
-    if found is None:
-        return None
-    power = _spectrum(place, innovations, use)[0]
-    few = 2 * _TURNS_IN_PLACE
-    bends = power[few:].max() < _SURE_IN_PLACE[1] * power[1:few].max()
-    return None if bends else found
-
-
-def _line(
-    over: Float[np.ndarray, "R N"],
-    residual: Float[np.ndarray, "R N"],
-    innovations: Float[np.ndarray, "R N"],
-    use: Bool[np.ndarray, "R N"],
-    dt: float,
-    turns: int,
-    sure: tuple[float, float],
-) -> Line | None:
-    t = np.broadcast_to(dt * np.arange(over.shape[1]), over.shape)
-    lines, longest = _spectrum(over, innovations, use)
+    turns, (least, times) = (_TURNS_IN_PLACE, _SURE_IN_PLACE) if place else (_TURNS, _SURE)
+    t = np.broadcast_to(dt * np.arange(way.shape[1]), way.shape)
+    over_way, longest = _spectrum(way, innovations, use)
     if longest <= 0.0:
         return None
     over_time, _ = _spectrum(t, innovations, use)
-    at = 2 * turns + int(np.argmax(lines[2 * turns :]))
-    power, other = lines[at], float(over_time[2 * turns :].max(initial=0.0))
-    least, times = sure
+    few = 2 * turns
+    at = few + int(np.argmax(over_way[few:]))
+    power, other = over_way[at], float(over_time[few:].max(initial=0.0))
+    if place:
+        other = max(other, float(over_way[1:few].max()))
     if power < least or power < times * other:
         return None
-    share = 2.0 * float(_spectrum(over, residual, use)[0][at]) / float(use.sum())
+    share = 2.0 * float(_spectrum(way, residual, use)[0][at]) / float(use.sum())
     return Line(2.0 * longest / at, min(share, 1.0))
 
 

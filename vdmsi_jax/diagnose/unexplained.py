@@ -137,10 +137,10 @@ def slow_error(
         scored = scored or scores(residual, asked, known & moving, dt)
         along, rare = scored
         large = size > max(least * spread, _BESIDE * fast)
-        parted = apart(residual, known, dt)
-        made = along > _GOES_ALONG or rare > _RARE or parted > _APART
         if not large and max(along, rare) < _SURELY:
             continue
+        parted = apart(residual, known, dt)
+        made = along > _GOES_ALONG or rare > _RARE or parted > _APART
         share = min(size**2 / max(float(np.mean(residual[use] ** 2)), 1e-300), 1.0)
         size /= spread
         words = f"a slow error of {100.0 * size:.0f} % of the response's spread"
