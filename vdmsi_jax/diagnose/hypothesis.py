@@ -78,6 +78,12 @@ class Hypothesis:
         """What two of one kind share: poles, zeros, and the causes that are on."""
         return self.poles, self.zeros, frozenset(self.active)
 
+    @property
+    def key(self) -> tuple:
+        """What two that are the same share."""
+        own = None if self.swing is None else self.swing.tobytes()
+        return self.poles, self.zeros, self.active, self.theta.tobytes(), own
+
 
 @dataclass(frozen=True, eq=False)
 class Refit:

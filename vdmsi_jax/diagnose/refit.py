@@ -9,7 +9,7 @@ proposes help; not with forces inside, whose sticking makes a response rough.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,6 +46,19 @@ _FEW = 8  # lanes, for which differences cost next to nothing
 _DAMPINGS = (0.1, 3.0, 100.0)
 
 
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """What came of a start.
+
+    Attributes:
+        value: its worth after the first round, where that was asked for.
+        fit: None where it was given up.
+    """
+
+    value: float
+    fit: Refit | None
+
+
 def refit(
     stage: Stage,
     hypotheses: Sequence[Hypothesis],
@@ -55,7 +68,8 @@ def refit(
     worth: Callable[[Hypothesis, float], float] | None = None,
     reach: float = np.inf,
 ) -> list[Refit]:
-    """Fit all hypotheses, each under its own colour of noise.
+    """Fit all hypotheses, each under its own colour of noise. A stage remembers what came of each
+    start: searches that go the same way again need not.
 
     Args:
         stage: the data.
@@ -67,30 +81,61 @@ def refit(
             below the best after the first round are given up, and missing in the answer.
         reach: see `worth`.
     """
-    if not hypotheses:
-        return []
+    starts = [_begun(stage, h) for h in hypotheses]
+    keys = [(*h.key, rounds, steps, further, worth is None) for h in starts]
+    tried: dict[tuple, _Tried] = stage.tried
+    known = [tried[key] for key in keys if key in tried]
+    most = max((t.value for t in known), default=-np.inf)
+    new = {
+        key: h
+        for key, h in zip(keys, starts, strict=True)
+        if key not in tried or (tried[key].fit is None and tried[key].value >= most - reach)
+    }
+    if new:
+        lanes = _lanes(stage, list(new.values()))
+        how = rounds, steps, further, worth, reach, most
+        tried.update(zip(new, _fitted(stage, lanes, *how), strict=True))
+    return [fit for key in keys if (fit := tried[key].fit) is not None]
+
+
+def _lanes(stage: Stage, hypotheses: Sequence[Hypothesis]) -> list[Lane]:
     order = filter_length(stage.dt, int(stage.mask.sum()))
-    counted = usable(stage)
-    hypotheses = [_begun(stage, h) for h in hypotheses]
     start = responses(stage, hypotheses)
-    lanes = [
+    return [
         Lane(h, h.free(stage), y, states_of(stage, h), np.zeros(order))
         for h, y in zip(hypotheses, start, strict=True)
     ]
+
+
+def _fitted(
+    stage: Stage,
+    lanes: list[Lane],
+    rounds: int,
+    steps: int,
+    further: int,
+    worth: Callable[[Hypothesis, float], float] | None,
+    reach: float,
+    most: float,
+) -> list[_Tried]:
+    """What comes of each lane, if others are worth so much already."""
+    counted = usable(stage)
     _recolour(stage, lanes, counted)
-    under_way = lanes
+    kept = under_way = lanes
+    values = [-np.inf] * len(lanes)
     for k in range(rounds + further):
         gained = _round(stage, under_way, counted, steps)
         if worth is not None and k == 0:
             values = [worth(f.hypothesis, f.loglik) for f in _finish(stage, lanes, counted)]
-            most = max(values)
-            lanes = [x for x, v in zip(lanes, values, strict=True) if v >= most - reach]
-            under_way = lanes
+            least = max(most, *values) - reach
+            kept = [x for x, v in zip(lanes, values, strict=True) if v >= least]
+            under_way = kept
         elif k + 1 >= rounds:
             under_way = [x for x, g in zip(under_way, gained, strict=True) if g > _FAR]
         if not under_way:
             break
-    return _finish(stage, lanes, counted)
+    found = _finish(stage, kept, counted) if kept else []
+    fits = {id(x): f for x, f in zip(kept, found, strict=True)}
+    return [_Tried(v, fits.get(id(x))) for x, v in zip(lanes, values, strict=True)]
 
 
 def _round(stage: Stage, lanes: list[Lane], counted: np.ndarray, steps: int) -> list[float]:

@@ -2,7 +2,7 @@
 a hypothesis about them answers."""
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import equinox as eqx
@@ -88,6 +88,7 @@ class Stage:
     dt: float
     noise: Noise = OwnNoise()
     within: Float[np.ndarray, "R N k"] | None = None
+    tried: dict = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def slots(self) -> tuple[Slot, ...]:
@@ -175,7 +176,9 @@ class Stage:
 
     def but(self, numbers: Collection[int]) -> "Stage":
         """The same where some causes may not act."""
-        return replace(self, allowed=tuple(k for k in self.allowed if k not in numbers))
+        other = replace(self, allowed=tuple(k for k in self.allowed if k not in numbers))
+        object.__setattr__(other, "tried", self.tried)  # the same data
+        return other
 
     def simulate(self, theta: Float[np.ndarray, "L P"]) -> Float[np.ndarray, "L R N"]:
         """The response of each of the vectors to the commands of all runs.
