@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 
 import vdmsi_jax as vj
+from vdmsi_jax.diagnose import budget
 from vdmsi_jax.diagnose.found import Finding, Search
 from vdmsi_jax.diagnose.hypothesis import Hypothesis, Refit
+from vdmsi_jax.diagnose.naming import Named
 from vdmsi_jax.diagnose.prepare import stage_of
 from vdmsi_jax.diagnose.runs import lay_out
-from vdmsi_jax.diagnose.verdict import _usable
 
 PLANT = vj.PlantSpec("servo", "u", "y")
 U = np.repeat(np.random.default_rng(1).uniform(-1.0, 1.0, 20), 20)
 LOG = vj.Record.from_arrays(dt=0.02, name="run", plants=(PLANT,), u=U, y=np.roll(U, 3))
 STAGE = stage_of(lay_out([LOG]), PLANT)
-EVERYWHERE = np.ones_like(STAGE.mask)
 
 
 def off_by(error: float) -> Refit:
@@ -35,5 +35,26 @@ def test_a_model_that_errs_more_than_the_plain_plant_is_not_what_one_would_take(
     beside = Finding(0, 50.0, off_by(2.0))
     plain, final = off_by(1.0), off_by(0.1)
     search = Search(STAGE, plain, plain, final, (finding, beside), ())
-    error = _usable(search, finding, EVERYWHERE).y - STAGE.y
+    error = search.usable_without(finding).y - STAGE.y
     assert np.mean(error**2) == pytest.approx(told)
+
+
+@pytest.mark.parametrize("alone", [3.0, 1e6, np.nan])
+def test_who_is_missed_so_much_that_the_model_runs_away_takes_no_more_than_all(alone, monkeypatch):
+    """Of two causes the second is of no use without the first."""
+    plain, final = off_by(1.0), off_by(0.1)
+    findings = tuple(Finding(number, 100.0, plain) for number in range(2))
+    search = Search(STAGE, plain, plain, final, findings, ())
+    errors = {(0,): 0.5, (1,): alone, (): 2.0}
+
+    def only(_, kept):
+        return final.y if len(kept) == 2 else STAGE.y + errors[kept]
+
+    monkeypatch.setattr(budget, "only", only)
+    causes = [
+        Named(cause, "plant", None, "", {}, 1.0, 1, (), search, finding)
+        for cause, finding in zip(("first", "second"), findings, strict=True)
+    ]
+    parts = budget.of_channel("y", "V", search, causes).parts
+    assert parts["first (plant)"] == pytest.approx(0.75 + 0.5 * 0.24)
+    assert parts["second (plant)"] == pytest.approx(0.5 * 0.24)

@@ -20,7 +20,7 @@ from .body_fit import (
     slopes,
 )
 from .colour import least_squares, whiten
-from .found import MARGIN
+from .found import FEW, MARGIN
 from .judge import Scored, confirmed
 from .price import CAUSE_COST, PARAMETER_COST
 from .search import SURE, SWAPPED, SWAPS
@@ -133,7 +133,7 @@ def chained(
 ) -> tuple[Scored, Bool[np.ndarray, "R N"], bool]:
     """A channel with and without a cause, what the chain rule passes on taken out; the samples that
     judge, and whether they are held out."""
-    held = bool(body.held_out[channel].sum() > 50)
+    held = bool(body.held_out[channel].sum() > FEW)
     use = body.held_out[channel] if held else body.mask[channel]
     return _scored(body, final, less, channel, use), use, held
 

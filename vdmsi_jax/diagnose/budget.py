@@ -14,18 +14,18 @@ from .road import Road, only
 def of_channel(name: str, unit: str, search: Search, causes: Sequence[Named]) -> Budget:
     """The squared error of an actuator's response on the data held out."""
     stage = search.stage
-    use = stage.held_out if stage.held_out.sum() > 50 else stage.mask
+    use = search.judges
 
     def error(y: np.ndarray) -> float:
         return float(np.mean((stage.y - y)[use] ** 2))
 
+    total, rest = error(search.baseline.y), error(search.final.y)
     by_label = {c.label: c for c in causes if c.finding is not None}
 
     def worth(kept: frozenset[str]) -> float:
         numbers = tuple(by_label[k].finding.number for k in kept)  # type: ignore[union-attr]
-        return -error(only(search, numbers))
+        return _at_least(total, error(only(search, numbers)))
 
-    total, rest = error(search.baseline.y), error(search.final.y)
     noise = min(float(np.mean((stage.y - search.final.y)[stage.mask] ** 2)), rest)
     parts = _scaled(shapley(list(by_label), worth), total - rest)
     squared = f"({unit})^2" if "/" in unit else f"{unit}^2"
@@ -36,14 +36,20 @@ def of_channel(name: str, unit: str, search: Search, causes: Sequence[Named]) ->
 def of_path(road: Road, causes: Sequence[Named]) -> Budget:
     """The mean translation error on the held-out drive."""
     by_label = {c.label: c for c in causes}
+    total, rest = road.mean(road.baseline), road.extended_mean
 
     def worth(kept: frozenset[str]) -> float:
-        return -road.with_only([by_label[k] for k in kept])
+        return _at_least(total, road.with_only([by_label[k] for k in kept]))
 
-    total, rest = road.mean(road.baseline), road.extended_mean
     parts = _scaled(shapley(list(by_label), worth), total - rest)
     noise = min(road.floor(), rest)
     return Budget("translation", "m", total, parts, noise, total - sum(parts.values()) - noise)
+
+
+def _at_least(total: float, error: float) -> float:
+    """Worth of some of the causes: where the others are missed so much that the model errs more
+    than the baseline, or does not end, one has the baseline still."""
+    return -float(np.fmin(error, total))
 
 
 def _scaled(parts: dict[str, float], whole: float) -> dict[str, float]:

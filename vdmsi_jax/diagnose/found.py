@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from .hypothesis import Refit
 from .screen import Candidate
@@ -13,6 +13,10 @@ from .starts import backward
 MARGIN = 7.5
 """Two explanations whose log-likelihoods differ by less than half of this are not told apart: with
 it the truth stands in the set in 99.7 % of cases."""
+FEW = 50
+"""Samples, of which more must be held out to judge by."""
+_LINEAR = ("transport_delay", "resonance", "offset")  # which poles and zeros can imitate
+_BROKEN = 1.5  # times the squared error of the plain plant, from which a model is of no use
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +88,22 @@ class Search:
         told = delayed and backward(plain).size > 0
         several = len(self.findings) > 1
         return finding.less if larger or several or told else self.baseline
+
+    def usable_without(self, finding: Finding) -> Refit:
+        """The model without a cause, or the plain plant where the other causes are of no use
+        without it: nobody would take a model that errs by so much more. Not for what poles and
+        zeros tell."""
+        less, stage = self.without(finding), self.stage
+        if stage.slots[finding.number].cause in _LINEAR:
+            return less
+        errors = [float(np.mean((stage.y - f.y)[self.judges] ** 2)) for f in (less, self.plain)]
+        return self.plain if errors[0] > _BROKEN * errors[1] else less
+
+    @property
+    def judges(self) -> Bool[np.ndarray, "R N"]:
+        """The samples that judge: those held out, or where they are none, those of the fit."""
+        stage = self.stage
+        return stage.held_out if stage.held_out.sum() > FEW else stage.mask
 
     def away(self, finding: Finding) -> tuple[Float[np.ndarray, " k"], float]:
         """How far the free parameters that make a cause large are from nothing: each in its own

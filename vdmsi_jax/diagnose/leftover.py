@@ -167,6 +167,7 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     slow = slow_error(*about, known, moves, stage.scales.time_constant)
     if slow is not None:
         found.append(slow)
+    broken: dict[str, float] = {}  # of several forms or plants with it, the most
     for failed in own.failed:
         slot = stage.slots[failed.finding.number]
         label = f"{slot.cause} ({slot.where})"
@@ -174,7 +175,8 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
         if slow is not None and slow.steady and slot.cause in IMITATORS:
             continue  # it had drawn the disturbance of the data fitted
         if slot.weight < FREE and failed.finding.gain > _LOUD and fraction > _SEEN:
-            found.append(_broken(label, spec.output, fraction))
+            broken[label] = max(broken.get(label, 0.0), fraction)
+    found += [_broken(label, spec.output, fraction) for label, fraction in broken.items()]
     return beside_response(found, e, stage.y, stage.mask | stage.held_out)
 
 

@@ -82,7 +82,7 @@ class Road:
         theta = self.bodily.final.theta
         if cause.search is not None and cause.finding is not None:
             channel = next(c for c, s in self.searches.items() if s is cause.search)
-            responses[channel] = cause.search.without(cause.finding).y
+            responses[channel] = cause.search.usable_without(cause.finding).y
         if cause.body is not None:
             theta = cause.body.less.theta
         return self.mean(self._drive(responses, theta))

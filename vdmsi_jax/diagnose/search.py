@@ -9,7 +9,7 @@ import numpy as np
 
 from .baseline import baselines, order_of
 from .disturbance import IMITATORS
-from .found import Failed, Finding, Search
+from .found import FEW, Failed, Finding, Search
 from .hypothesis import Refit
 from .judge import Scored, confirmed, gain_of
 from .noise import BriefNoise, OwnNoise
@@ -71,7 +71,7 @@ def _lasts(found: Search) -> bool:
     """Whether the model leaves an error that is large beside the response and much larger than its
     innovations: a colour that is estimated takes it for noise, whatever makes it."""
     stage, error = found.stage, found.final.error(found.stage)
-    if not isinstance(stage.noise, OwnNoise) or stage.held_out.sum() <= 50:
+    if not isinstance(stage.noise, OwnNoise) or stage.held_out.sum() <= FEW:
         return False
     size = math.sqrt(error) / extent(stage.y[stage.mask])
     return size > _LARGE and error > _LASTING * found.final.variance
@@ -189,7 +189,7 @@ def _confirmed(found: Search, finding: Finding) -> float:
     much less than nothing where the plain error gets clearly worse; what it gained in the fit where
     none is held out."""
     stage = found.stage
-    if stage.held_out.sum() <= 50:
+    if stage.held_out.sum() <= FEW:
         return finding.gain
     less = found.without(finding)
     scored = Scored("", stage.y, less.y, found.final.y, found.final.colour)
@@ -217,7 +217,7 @@ def _worse(scored: Scored, stage: Stage) -> bool:
     """Whether the plain error of data held out usually gets clearly larger, and is not made up for
     on the whole."""
     use = stage.held_out
-    if use.sum() <= 50 or scored.taken(use) > _MADE_UP:
+    if use.sum() <= FEW or scored.taken(use) > _MADE_UP:
         return False
     return bool(np.median(scored.parts(use, stage.dt)) < -_WORSENED)
 
@@ -235,7 +235,7 @@ def _borne_out(found: Search, seen: Mapping[tuple, Refit], known: set[int]) -> R
     most of the evidence. Hills, which are slow, are always among them. Or one that is nearly as
     good where it was fitted, and usually better elsewhere. None of those known."""
     stage, final = found.stage, found.final
-    if stage.held_out.sum() <= 50:
+    if stage.held_out.sum() <= FEW:
         return None
     seen_error, as_good = final.error(stage), score(stage, final) - _CLOSE
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from jaxtyping import Bool
 
 from ..config import PlantSpec
 from ..data.record import Record
@@ -17,8 +16,7 @@ from .budget import of_channel, of_path
 from .channels import channel_scores, responses, units_of
 from .detectability import detectable
 from .extension import extended_model, plain_model
-from .found import Finding as Found
-from .found import Search
+from .found import FEW, Search
 from .hypothesis import Refit
 from .judge import Scored, Trial, confirmed, gain_of
 from .manoeuvres import separate
@@ -35,8 +33,6 @@ from .weighing import Weighing, crowd, overshadowed
 from .words import sentence, summary
 
 _TWINS = {"powertrain": "v", "steering": "delta"}
-_LINEAR = ("transport_delay", "resonance", "offset")  # which poles and zeros can imitate
-_BROKEN = 1.5  # times the squared error of the plain plant, from which a model is of no use
 _SENSED = {"transport_delay": "sensor_delay", "offset": "sensor_bias"}
 
 
@@ -183,9 +179,8 @@ class Evidence:
             stage, final = cause.search.stage, cause.search.final
             name = next(s.output for s, f in self.searches.items() if f is cause.search)
             promised = cause.finding.promised
-            held = bool(stage.held_out.sum() > 50)
-            use = stage.held_out if held else stage.mask
-            less = _usable(cause.search, cause.finding, use)
+            held, use = bool(stage.held_out.sum() > FEW), cause.search.judges
+            less = cause.search.usable_without(cause.finding)
             scored = Scored(name, stage.y, less.y, final.y, final.colour)
             sure.append(confirmed(scored, use, self.runs.dt))
             faint = held and scored.faint(stage.mask, use)
@@ -300,16 +295,6 @@ def _or_else(cause: Named, others: Sequence[Named]) -> Named:
     names = {(r.cause, r.where) for r in stand_ins}
     rest = [r for r in cause.rivals if (r.cause, r.where) not in names]
     return replace(cause, rivals=(*stand_ins, *rest))
-
-
-def _usable(search: Search, finding: Found, use: Bool[np.ndarray, "R N"]) -> Refit:
-    """The model without a cause, or the plain plant where the other causes are of no use without
-    it: nobody would take a model that errs by so much more. Not for what poles and zeros tell."""
-    less, plain = search.without(finding), search.plain
-    if search.stage.slots[finding.number].cause in _LINEAR:
-        return less
-    errors = [float(np.mean((search.stage.y - f.y)[use] ** 2)) for f in (less, plain)]
-    return plain if errors[0] > _BROKEN * errors[1] else less
 
 
 def _doubt(shares: Mapping[str, float], cause: Named, trial: Trial) -> float:

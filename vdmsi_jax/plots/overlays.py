@@ -156,29 +156,35 @@ def overlay(response: Response) -> Figure:
 
 
 @styled
-def on_path(response: Response, path: Path) -> Figure:
+def on_path(response: Response, *paths: Path) -> Figure:
     """Where on the road a response goes wrong: the measured path, coloured by the residual of
-    baseline and extended.
+    baseline and extended, wherever the response was measured.
 
     Args:
-        response: what to draw, with a run of the path's name.
-        path: a drive.
+        response: what to draw, with a run of the paths' name.
+        paths: drives of one run.
 
     Raises:
         ValueError: the response has no run of that name.
     """
-    if path.run not in response.runs:
-        raise ValueError(f"{response.name} has no run {path.run!r}; it has {response.runs}")
-    i = response.runs.index(path.run)
+    name = paths[0].run
+    if name not in response.runs:
+        raise ValueError(f"{response.name} has no run {name!r}; it has {response.runs}")
+    i = response.runs.index(name)
     there = response.valid[i]
-    run = Run(path.run, *(getattr(response, name)[i, there] for name in Run._fields[1:]))
+    run = Run(name, *(getattr(response, column)[i, there] for column in Run._fields[1:]))
     both = _simulations(response, run)
-    rows = np.linspace(0, len(path.t) - 1, min(len(path.t), PIECES + 1)).astype(int)
-    points = path.measured[rows, :2]
-    lines = np.stack([points[:-1], points[1:]], axis=1)
     total = [np.concatenate([[0.0], np.cumsum(run.y - values)]) for _, values, _ in both]
-    at = np.searchsorted(run.t, path.t[rows])
-    means = [np.diff(sums[at]) / np.maximum(np.diff(at), 1) for sums in total]
+    lines, means = [], [[] for _ in both]
+    for path in paths:
+        rows = np.linspace(0, len(path.t) - 1, min(len(path.t), PIECES + 1)).astype(int)
+        places, at = path.measured[rows, :2], np.searchsorted(run.t, path.t[rows])
+        known = np.diff(at) > 0
+        lines.append(np.stack([places[:-1], places[1:]], axis=1)[known])
+        for own, sums in zip(means, total, strict=True):
+            own.append((np.diff(sums[at]) / np.maximum(np.diff(at), 1))[known])
+    lines, means = np.concatenate(lines), [np.concatenate(own) for own in means]
+    points = lines.reshape(-1, 2)
     reach = max(float(np.abs(mean).max(initial=0.0)) for mean in means) or 1.0
     figure = framed(4.0, 1, len(both) + 1, right=0.95, top=0.35, across=0.45)
     ratios = [*[1.0] * len(both), 0.02 * len(both)]

@@ -106,12 +106,15 @@ def _what_is_wrong(d: Diagnosis) -> list[Block]:
         ]
         blocks += [
             Picture(
-                plots.to_svg(plots.on_path(response, path), f"{_id(response)}-on-path-{i}"),
+                plots.to_svg(
+                    plots.on_path(response, *(p for p in d.paths if p.run == run)),
+                    f"{_id(response)}-on-path-{i}",
+                ),
                 f"{capital(response.name)}: where on the road the residual of {response.channel} "
-                f"is large, in {path.run}.",
+                f"is large, in {run}.",
             )
-            for i, path in enumerate(d.paths)
-            if path.run in response.runs
+            for i, run in enumerate(dict.fromkeys(path.run for path in d.paths))
+            if run in response.runs
         ]
     if d.paths and not d.findings:
         blocks.append(_paths(d))
