@@ -53,11 +53,13 @@ def no_force(u: float, y: float, speed: float, still: bool) -> float:
 
 @dataclass(frozen=True)
 class Cause:
-    """Where it acts: on the commands at the rows, on those at the milliseconds, as a force in the
-    last lag (a lost command), on the response at the milliseconds, or on the measurement."""
+    """Where it acts: on the commands at the rows, on those at the milliseconds, between the lags
+    (made anew for each run, since it remembers), as a force in the last lag (a lost command), on
+    the response at the milliseconds, or on the measurement."""
 
     rows: Callable = same
     held: Callable = same
+    between: Callable = field(default=lambda: lambda z: z)
     force: Callable = field(default=no_force)
     response: Callable = same
     measured: Callable = same
@@ -68,7 +70,7 @@ def respond(drive: Drive, cause: Cause, tau: float, before: float = 0.0) -> np.n
     u = cause.held(drive.fine(cause.rows(drive.u, drive)), drive)
     moves, first = -math.expm1(-MS / tau), -math.expm1(-MS / before) if before else 1.0
     y = z = float(u[0])
-    out, still = np.empty(len(u)), True
+    out, still, driven = np.empty(len(u)), True, cause.between()
     for k, now in enumerate(u.tolist()):
         out[k] = y
         if before:
@@ -76,6 +78,7 @@ def respond(drive: Drive, cause: Cause, tau: float, before: float = 0.0) -> np.n
             z += first * (now - z)
         else:
             pushed = now
+        pushed = driven(pushed)
         lost = cause.force(pushed, y, (pushed - y) / tau, still)
         still = abs(pushed - y - lost) < 1e-12
         y += moves * (pushed - y - lost)
@@ -103,6 +106,26 @@ def backlash(gap: float) -> Cause:
         return out
 
     return Cause(response=play)
+
+
+def dead_spool(width: float) -> Cause:
+    """A dead zone of what follows the command late."""
+    return Cause(between=lambda: lambda z: math.copysign(max(abs(z) - width, 0.0), z))
+
+
+def driven_backlash(gap: float) -> Cause:
+    """Play of what follows the command late, and moves the rest."""
+
+    def fresh():
+        at = [0.0]
+
+        def play(z):
+            at[0] = min(max(at[0], z - gap / 2), z + gap / 2)
+            return at[0]
+
+        return play
+
+    return Cause(between=fresh)
 
 
 def pulled_back(gap: float, pace: float) -> Cause:

@@ -47,7 +47,8 @@ class Case:
         within: of each parameter (absolute where it is zero), replaces `WITHIN`; infinite where it
             is not judged.
         lift: added to the commands.
-        second_order: whether it is also looked for behind a lag before the one in which it acts.
+        second_order: whether it is also looked for behind a lag before the one in which it acts;
+            `alone` if only there.
         ragged: whether a response that sticks makes the likelihood ragged: the best fit from all
             probes counts, as in a search.
         screened: whether a screen finds the size, since no fit can.
@@ -58,7 +59,7 @@ class Case:
     truth: tuple[float, ...]
     within: tuple[float, ...] | None = None
     lift: float = 0.0
-    second_order: bool = False
+    second_order: bool | str = False
     ragged: bool = False
     screened: bool = False
     reverses: bool = False
@@ -97,6 +98,9 @@ CASES = {
     "Quantization floor": Case(plain.counted(0.37), (0.37,), screened=True),
     "Quantization truncation": Case(plain.cast(0.37), (0.37,), screened=True),
     "DeadZone": Case(plain.dead_zone(0.46), (0.46,), second_order=True),
+    "LateDeadZone spool": Case(
+        plain.dead_spool(0.46), (0.46, FIRST), (WITHIN, 0.1), second_order="alone"
+    ),
     "Saturation command": Case(plain.command_limits(1.9, -2.3), (1 / 1.9, 1 / 2.3)),
     "RoundSaturation corner": Case(
         plain.soft_limits(2.6, -2.9, 0.27), (1 / 2.6, 1 / 2.9, 0.27), within=(WITHIN, WITHIN, 0.1)
@@ -138,13 +142,17 @@ CASES = {
     "CoastingBacklash inertia": Case(
         plain.coasting(0.38, 0.3), (0.38, 0.3), (0.05, 0.1), second_order=True, ragged=True
     ),
+    "FollowedBacklash between": Case(
+        plain.driven_backlash(0.38), (0.38, TAU), (WITHIN, 0.05), second_order="alone", ragged=True
+    ),
     "PeriodicDisturbance": Case(plain.hum(0.81, 0.2, -0.15), (0.81, 0.2, -0.15), screened=True),
     "Offset itself": Case(plain.added(-0.21), (-0.21,)),
     "Offset travel": Case(plain.added_by_travel(-0.21), (-0.21,), reverses=True),
 }
 
 NAMES = [label(effect) for effect in ACTUATOR]
-RUNS_OF_CASES = [(name, 1) for name in CASES] + [(n, 2) for n, c in CASES.items() if c.second_order]
+RUNS_OF_CASES = [(n, 1) for n, c in CASES.items() if c.second_order != "alone"]
+RUNS_OF_CASES += [(n, 2) for n, c in CASES.items() if c.second_order]
 
 
 def number_of(name: str) -> int:

@@ -29,6 +29,8 @@ _FORMS = {
     ("at", "stop"): "of the response, by an end stop",
     ("at", "load"): "of the response, which a load pulls back",
     ("at", "inertia"): "of the response, whose load coasts on",
+    ("at", "between"): "before the last lag, with which the response follows",
+    ("at", "spool"): "of what follows the command late, as a valve's spool",
     ("by", "sign"): "alike to both sides",
     ("by", "skew"): "to one side",
     ("by", "response"): "of the response",

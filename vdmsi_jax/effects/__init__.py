@@ -1,6 +1,11 @@
 """The causes that the project knows: one file each, one line of the registry each."""
 
-from vdmsi_jax.effects.backlash import Backlash, CoastingBacklash, LoadedBacklash
+from vdmsi_jax.effects.backlash import (
+    Backlash,
+    CoastingBacklash,
+    FollowedBacklash,
+    LoadedBacklash,
+)
 from vdmsi_jax.effects.bank import Bank
 from vdmsi_jax.effects.base import AbstractEffect as AbstractEffect
 from vdmsi_jax.effects.base import Effort as Effort
@@ -8,7 +13,7 @@ from vdmsi_jax.effects.base import Scales as Scales
 from vdmsi_jax.effects.base import Signals as Signals
 from vdmsi_jax.effects.coulomb_friction import CoulombFriction
 from vdmsi_jax.effects.cross_coupling import CrossCoupling
-from vdmsi_jax.effects.dead_zone import DeadZone
+from vdmsi_jax.effects.dead_zone import DeadZone, LateDeadZone
 from vdmsi_jax.effects.drag import Drag
 from vdmsi_jax.effects.gain_asymmetry import GainAsymmetry
 from vdmsi_jax.effects.gain_drift import GainDrift
@@ -55,6 +60,7 @@ ACTUATOR: tuple[AbstractEffect, ...] = (
     Quantization(by="floor"),
     Quantization(by="truncation"),
     DeadZone(),
+    LateDeadZone(),
     Backlash(at="command"),
     Saturation(at="command"),
     RoundSaturation(),
@@ -76,6 +82,7 @@ ACTUATOR: tuple[AbstractEffect, ...] = (
     Backlash(at="response"),
     LoadedBacklash(),
     CoastingBacklash(),
+    FollowedBacklash(),
     PeriodicDisturbance(),
     Offset(by="itself"),
     Offset(by="travel"),

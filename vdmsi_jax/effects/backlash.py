@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, ArrayLike, Float
 
-from vdmsi_jax.effects.base import AbstractEffect, Scales, Signals
+from vdmsi_jax.effects.base import AbstractEffect, Scales, Signals, before_lag, lag
 from vdmsi_jax.parameters import parameter
 
 
@@ -104,6 +104,34 @@ class CoastingBacklash(AbstractEffect):
             return (new, jnp.where(new == free, kept * step, y - before), y), new
 
         return lax.scan(follow, (y[0], jnp.zeros_like(y[0]), y[0]), y)[1]
+
+
+class FollowedBacklash(AbstractEffect):
+    """Play before the last lag of an actuator: what it moves follows late, as a mirror behind its
+    gear or wheels on a compliant rod. The dynamics are as a whole those of the plant; what the play
+    keeps of the motion ahead of the lag is missing behind it.
+
+    Attributes:
+        at: what plays.
+
+    Source: Brokate and Sprekels, Hysteresis and Phase Transitions (1996), ch. 2, between two linear
+    parts (a Wiener-Hammerstein system).
+    """
+
+    cause: ClassVar[str] = "backlash"
+
+    gap: Float[Array, ""] = parameter("response", "full width of the play", lower=0.0)
+    behind: Float[Array, ""] = parameter("s", "time constant of what follows", lower=0.0)
+    at: Literal["between"] = eqx.field(static=True, default="between")
+
+    def probes(self, scales: Scales) -> list[tuple[float, ...]]:
+        lags = [k * scales.time_constant for k in (0.15, 0.5)]
+        return [(k * scales.response, lag) for k in (0.03, 0.08, 0.2) for lag in lags]
+
+    def output(self, y: Float[Array, " M"], signals: Signals) -> Float[Array, " M"]:
+        ahead = before_lag(y, self.behind / signals.h)
+        missing = ahead - _played(ahead, self.gap)
+        return y - lag(missing, jnp.full_like(y, self.behind / signals.h))
 
 
 def _played(

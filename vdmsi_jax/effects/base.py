@@ -259,6 +259,16 @@ def lag(y: Float[Array, " M"], spans: Float[Array, " M"]) -> Float[Array, " M"]:
     return lax.scan(follow, (y[0], y[0]), (y, keep, mean))[1]
 
 
+def before_lag(y: Float[Array, " M"], span: Float[ArrayLike, ""]) -> Float[Array, " M"]:
+    """What a first-order lag made `y` of, at rest before the first value.
+
+    Args:
+        y: what comes out.
+        span: time constant over the time between values. Exactly `y` where it is zero.
+    """
+    return y + span * jnp.diff(y, prepend=y[:1])
+
+
 def first_order(y: Float[Array, " M"], steps: Float[Array, " M"]) -> Float[Array, " M"]:
     """`lag` by the inverse of its `spans`; where it is beyond 1e5 the output is the input."""
     return lag(y, jnp.where(steps > 1e5, 0.0, 1.0 / steps))
