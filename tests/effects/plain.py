@@ -117,11 +117,12 @@ def driven_backlash(gap: float) -> Cause:
     """Play of what follows the command late, and moves the rest."""
 
     def fresh():
-        at = [0.0]
+        at = None
 
         def play(z):
-            at[0] = min(max(at[0], z - gap / 2), z + gap / 2)
-            return at[0]
+            nonlocal at
+            at = z if at is None else min(max(at, z - gap / 2), z + gap / 2)
+            return at
 
         return play
 
