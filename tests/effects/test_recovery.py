@@ -118,15 +118,23 @@ CASES = {
         plain.motor_limit(5.0, 4.0, TAU), (1 / 5.0, 1 / 4.0), second_order=True
     ),
     "CoulombFriction rate": Case(
-        plain.dry_friction(0.42, 0.42), (0.42, 0.0), (WITHIN, 0.05), second_order=True, ragged=True
+        plain.dry_friction(0.42, 0.42),
+        (0.42, 0.0, 0.0),
+        (WITHIN, 0.05, np.inf),
+        second_order=True,
+        ragged=True,
     ),
     # a break loose is early or late by whole sub-steps: many optima, and few events that tell
     "CoulombFriction rate, held by more": Case(
-        plain.dry_friction(0.42, 0.66), (0.42, 0.24), (0.07, 0.25), second_order=True, ragged=True
+        plain.dry_friction(0.42, 0.66),
+        (0.42, 0.24, 0.0),
+        (0.07, 0.25, np.inf),
+        second_order=True,
+        ragged=True,
     ),
     # a speed at rest creeps by up to a hundredth of the range, where the loop's is held
     "CoulombFriction response": Case(
-        plain.brake(0.42, TAU), (0.42, 0.0), (0.05, np.inf), ragged=True
+        plain.brake(0.42, TAU), (0.42, 0.0, 0.0), (0.05, np.inf, np.inf), ragged=True
     ),
     "EndStop stop": Case(plain.rim(1.7, -1.5, TAU), (1 / 1.7, 1 / 1.5)),
     "Stiffening stiffness": Case(plain.stiffened(0.4, 0.3), (0.4, 0.3), within=0.08),

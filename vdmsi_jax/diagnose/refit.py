@@ -42,6 +42,7 @@ from .windows import inverse
 _SETTLED = 0.05  # gain of twice the log-likelihood by a step after which a lane rests
 _HELPS = 2.0  # gain above which steps make slopes old, and old ones still help
 _FAR = 10.0  # gain of a round, above which another follows
+_KINDS = 3  # of causes, whose best starts are never given up
 _FEW = 8  # lanes, for which differences cost next to nothing
 _DAMPINGS = (0.1, 3.0, 100.0)
 
@@ -78,7 +79,8 @@ def refit(
         steps: steps of Levenberg-Marquardt between.
         further: rounds more for those that the last one still took far.
         worth: of a hypothesis and its log-likelihood; with it, those that are more than `reach`
-            below the best after the first round are given up, and missing in the answer.
+            below the best after the first round are given up, and missing in the answer, but for
+            the best of each of the leading kinds of causes.
         reach: see `worth`.
     """
     starts = [_begun(stage, h) for h in hypotheses]
@@ -126,9 +128,9 @@ def _fitted(
         gained = _round(stage, under_way, counted, steps)
         if worth is not None and k == 0:
             values = [worth(f.hypothesis, f.loglik) for f in _finish(stage, lanes, counted)]
-            least = max(most, *values) - reach
-            kept = [x for x, v in zip(lanes, values, strict=True) if v >= least]
-            under_way = kept
+            least, first = max(most, *values) - reach, _first_of_kind(stage, lanes, values)
+            pairs = enumerate(zip(lanes, values, strict=True))
+            kept = under_way = [x for i, (x, v) in pairs if v >= least or i in first]
         elif k + 1 >= rounds:
             under_way = [x for x, g in zip(under_way, gained, strict=True) if g > _FAR]
         if not under_way:
@@ -136,6 +138,17 @@ def _fitted(
     found = _finish(stage, kept, counted) if kept else []
     fits = {id(x): f for x, f in zip(kept, found, strict=True)}
     return [_Tried(v, fits.get(id(x))) for x, v in zip(lanes, values, strict=True)]
+
+
+def _first_of_kind(stage: Stage, lanes: Sequence[Lane], values: Sequence[float]) -> set[int]:
+    """Numbers of the best lanes of the leading kinds of causes: what comes slowly, as friction
+    does, may be the best in the end."""
+    best: dict[frozenset[str], int] = {}
+    for i in sorted(range(len(lanes)), key=lambda i: -values[i]):
+        causes = frozenset(stage.slots[k].cause for k in lanes[i].hypothesis.active)
+        if causes and np.isfinite(values[i]) and len(best) < _KINDS:
+            best.setdefault(causes, i)
+    return set(best.values())
 
 
 def _round(stage: Stage, lanes: list[Lane], counted: np.ndarray, steps: int) -> list[float]:

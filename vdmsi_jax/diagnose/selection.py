@@ -35,6 +35,7 @@ _SMALLER = 2  # smaller plants that are screened
 _FROM_SMALLER = 4  # candidates of the screens of smaller plants that are refitted
 _CLOSER = 0.7  # of the squared error of the plants screened, of one that is screened, too
 _SMALL = ((1, 0), (2, 0), (2, 1), (3, 0), (3, 1))
+_ALL_POLE = ((2, 0), (3, 0))
 _MOST_CAUSES = 4
 _PROGRESS = 0.5  # of the score by a model beside a cause, below which nothing has got better
 _STEADY = 1.5  # standard errors over blocks that a second cause must be likelier by
@@ -84,6 +85,8 @@ def climbed(
                 (patient if lost or _waits(stage, h) else starts).append(h)
             starts += pulled_back(stage, now)
             starts += [h for f in aside for h in _beside(stage, f, score(stage, now))]
+            hidden = [f for f in aside if backward(f.hypothesis).size]
+            patient += [h for f in hidden for h in _waiting(stage, f)]
             if not rings:  # or the plant would take the mode back
                 starts += closest(stage, list(nested(stage, now.hypothesis)), 1)
         starts, patient = (
@@ -140,6 +143,12 @@ def _beside(stage: Stage, f: Refit, least: float) -> list[Hypothesis]:
     """Causes beside those of a model that promise to make it better than `least`."""
     able = (c for c in screen(stage, f, fine=False) if score(stage, f) + c.gain > least)
     return [joined(f.hypothesis, c) for c in leading(stage, able, _REFITTED)]
+
+
+def _waiting(stage: Stage, f: Refit) -> list[Hypothesis]:
+    """A model's causes in plants without zeros, which may have told a delay, and that delay."""
+    own = (h for order in _ALL_POLE for h in late(stage, f, order))
+    return [h for h in own if len(h.active) > len(f.hypothesis.active)]
 
 
 def _in_smaller(
