@@ -5,16 +5,19 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .colour import whiten
 from .hypothesis import Hypothesis, Refit, responses
 from .lanes import POLES
 from .price import score
 from .refit import refit
 from .stage import Stage
-from .starts import first_order, nested
+from .starts import feeding, first_order, nested
 
 ORDERS = ((1, 0), (2, 0), (2, 1), (3, 0), (3, 1), (3, 2), (4, 0), (4, 1), (4, 2), (4, 3))
 """Orders that a baseline may have. The plant comes first: a missing pole must not be called a
-delay."""
+delay. Where the command is seen in the row in which it is given, as many zeros as poles too."""
+_AT_ONCE, _SURE = 0.05, 60.0  # share of the innovations that a step of the command explains in its
+# own row, and the same in twice the log-likelihood, from which on a plant has a feed-through
 
 
 def baselines(stage: Stage) -> dict[tuple[int, int], Refit]:
@@ -39,7 +42,25 @@ def baselines(stage: Stage) -> dict[tuple[int, int], Refit]:
         best = max(grid.values(), key=lambda f: score(stage, f))
         if best.hypothesis.poles < poles:
             break
+    if feeds_through(stage, best):
+        starts = [feeding(stage, f.hypothesis) for f in grid.values()]
+        fits = best_of_each(refit(stage, closest(stage, starts)))
+        grid |= {order_of(f.hypothesis): f for f in fits}
     return grid
+
+
+def feeds_through(stage: Stage, fit: Refit) -> bool:
+    """Whether what a fit leaves moves with a step of the command in the row of the step itself,
+    before which no plant without feed-through moves. Rows that are means of several see so much of
+    any plant."""
+    if stage.within is not None:
+        return False
+    step = np.diff(stage.u, axis=1, prepend=stage.u[:, :1])
+    e = np.where(stage.mask, stage.y - fit.y, 0.0)
+    white = whiten(e[None], fit.colour[None])[0]
+    x, y = step[stage.mask], white[stage.mask]
+    share = float(x @ y) ** 2 / max(float((x @ x) * (y @ y)), 1e-300)
+    return share > _AT_ONCE and share * x.size > _SURE
 
 
 def grown(stage: Stage, fit: Refit) -> list[Refit]:

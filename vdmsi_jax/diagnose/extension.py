@@ -68,10 +68,9 @@ def extended_model(
 
 def transfer_function(stage: Stage, h: Hypothesis) -> TransferFunction:
     """The linear plant of a hypothesis, in seconds."""
-    powers = stage.pace ** np.arange(1, POLES + 1)
-    a, b = h.theta[:POLES] * powers, h.theta[POLES : 2 * POLES] * powers
-    den = np.concatenate([[1.0], a[: h.poles]])
-    return TransferFunction(b[h.poles - 1 - h.zeros : h.poles], den)
+    powers = stage.pace ** np.arange(POLES + 1)
+    num = h.num * powers[h.poles - h.zeros : h.poles + 1]
+    return TransferFunction(num, h.den * powers[: h.poles + 1])
 
 
 def _body(found: BodySearch) -> tuple[tuple[AbstractEffect, ...], tuple]:

@@ -63,6 +63,8 @@ def on_its_way(
         rows: how many.
     """
     n = len(den) - 1
+    if len(num) > n:  # what passes at once is gone with the command
+        num = num[1:] - num[0] * den[1:]
     A = np.eye(n + 1, k=1)  # of the plant and its command, which is held
     A[:n, 0] -= den[1:]
     A[n - len(num) : n, n] = num

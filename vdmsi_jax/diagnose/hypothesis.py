@@ -10,7 +10,7 @@ from jaxtyping import Float
 from . import swing
 from .colour import whiten
 from .free_response import begun, mode
-from .lanes import LEADS, POLES
+from .lanes import FEED, LEADS, POLES
 from .stage import Stage
 
 _STEP = 1e-4  # of a parameter's usual size, for differences
@@ -41,7 +41,8 @@ class Hypothesis:
     def free(self, stage: Stage) -> np.ndarray:
         """Numbers of the free parameters."""
         a = list(range(self.poles))
-        b = list(range(POLES + self.poles - 1 - self.zeros, POLES + self.poles))
+        first = max(self.poles - 1 - self.zeros, 0)
+        b = list(range(POLES + first, POLES + self.poles)) + self._feed
         slots = [stage.slots[number] for number in self.active]
         forced = any(slot.forces for slot in slots)
         lead = [LEADS[0]] if forced and self.poles > 1 else []
@@ -66,7 +67,14 @@ class Hypothesis:
     @property
     def num(self) -> Float[np.ndarray, " m"]:
         """Numerator, likewise."""
-        return self.theta[POLES + self.poles - 1 - self.zeros : POLES + self.poles]
+        first = max(self.poles - 1 - self.zeros, 0)
+        own = self.theta[POLES + first : POLES + self.poles]
+        return np.concatenate([self.theta[self._feed], own])
+
+    @property
+    def _feed(self) -> list[int]:
+        """Where the feed-through stands, if there is one."""
+        return [FEED] if self.zeros == self.poles else []
 
     @property
     def order(self) -> str:

@@ -1,8 +1,8 @@
 """The compiled simulation of a diagnosis: plants of every order, with any causes, side by side.
 
-A hypothesis is a vector: coefficients of the plant, leads of forces, then the parameters of all
-causes, of which those that are not its own are off. Every order and every cause is a lane of the
-same program.
+A hypothesis is a vector: coefficients of the plant, its feed-through, leads of forces, then the
+parameters of all causes, of which those that are not its own are off. Every order and every cause
+is a lane of the same program.
 """
 
 from dataclasses import dataclass, replace
@@ -22,7 +22,9 @@ from ..parameters import parameters
 from ..programs import Kept, Static
 
 POLES = 4
-LEADS = (2 * POLES, 2 * POLES + 1)  # where those of forces stand in a vector, by 1 / pace
+FEED = 2 * POLES  # where the feed-through stands in a vector, behind the numerator
+NUMERATOR = slice(POLES, FEED + 1)  # what grows with the gain
+LEADS = (FEED + 1, FEED + 2)  # where those of forces stand, by 1 / pace
 PER_RUN = ("t", "v", "other", "distance", "begun")  # of the signals
 FIRST_CAUSE = LEADS[-1] + 1  # where the parameters of causes begin
 PAIRS = 16  # of a vector and a run, that the compiled program simulates side by side: as quick a
@@ -183,15 +185,15 @@ def _rows_of(theta, pace, h):
     """The plants of many vectors, with steps over `h` seconds."""
 
     def of(vector):
-        return vector[:POLES], vector[POLES : 2 * POLES], vector[np.array(LEADS)]
+        return vector[:POLES], vector[POLES:FEED], vector[np.array(LEADS)]
 
     def effort(vector):
         a, b, leads = of(vector)
-        return effort_of_steps(observer(a, b, pace)[0], leads, h)
+        return effort_of_steps(observer(a, b, pace, vector[FEED])[0], leads, h)
 
     def one(vector):
         a, b, leads = of(vector)
-        system, rest = observer(a, b, pace)
+        system, rest = observer(a, b, pace, vector[FEED])
         slowness = slowness_of(a, b, pace, leads)
         steps = steps_of(system, leads, h, squarings)
         return Plant(system.A, system.B, system.C, system.D, rest, slowness, *steps).row()
@@ -207,8 +209,9 @@ def _simulate(tree, leaves, plants, theta, on, u, level):
     def one(row, vector, u, signals, level):
         plant = Plant.of_row(row)
         rest, steps = plant.rest, (plant.Ad, plant.Bd)
-        known = ~jnp.isnan(level) & (jnp.abs(rest[0]) > 1e-9)
-        before = jnp.where(known, level / jnp.where(known, rest[0], 1.0), u[0])
+        gain = rest[0] + plant.D
+        known = ~jnp.isnan(level) & (jnp.abs(gain) > 1e-9)
+        before = jnp.where(known, level / jnp.where(known, gain, 1.0), u[0])
         leads = vector[np.array(LEADS)]
         told = replace(signals, slowness=plant.slowness, leads=leads, before=before)
         effects = unravel(vector[FIRST_CAUSE:])

@@ -221,6 +221,7 @@ class Stage:
         steps = Plant.of_row(jnp.asarray(row))
         Ad, state = np.asarray(steps.Ad), np.asarray(steps.Bd)[:, 0]
         taps = np.zeros(count)
+        taps[0] = steps.D
         for k in range(1, count):
             taps[k] = state[0]
             state = Ad @ state

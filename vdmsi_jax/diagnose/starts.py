@@ -7,7 +7,7 @@ import numpy as np
 
 from ..effects import AbstractEffect, Scales
 from .hypothesis import Hypothesis, Refit
-from .lanes import POLES
+from .lanes import FEED, NUMERATOR, POLES
 from .stage import Stage
 
 _STATIC = ("saturation", "dead_zone", "gain_nonlinearity", "gain_asymmetry")
@@ -46,6 +46,11 @@ def nested(stage: Stage, h: Hypothesis) -> Iterable[Hypothesis]:
     if h.zeros < h.poles - 1:
         for tau in (0.1 / fast, -0.1 / fast):
             yield plant(h, stage, den, np.polymul(num, [tau, 1.0]))
+
+
+def feeding(stage: Stage, h: Hypothesis) -> Hypothesis:
+    """The same with as many zeros as poles: what passes at once is nothing yet."""
+    return plant(h, stage, h.den, np.concatenate([np.zeros(len(h.den) - len(h.num)), h.num]))
 
 
 def _reduced(stage: Stage, h: Hypothesis, order: tuple[int, int]) -> tuple[Hypothesis, float]:
@@ -245,10 +250,12 @@ def hilly(stage: Stage, h: Hypothesis) -> list[Hypothesis]:
 
 def plant(h: Hypothesis, stage: Stage, den: np.ndarray, num: np.ndarray) -> Hypothesis:
     theta = h.theta.copy()
-    theta[: 2 * POLES] = 0.0
+    theta[: FEED + 1] = 0.0
     poles, zeros = len(den) - 1, len(num) - 1
     theta[:poles] = den[1:]
-    theta[POLES + poles - 1 - zeros : POLES + poles] = num
+    if zeros == poles:
+        theta[FEED], num = num[0], num[1:]
+    theta[POLES + poles - len(num) : POLES + poles] = num
     return replace(h, poles=poles, zeros=zeros, theta=theta)
 
 
@@ -306,7 +313,7 @@ def _changed(stage: Stage, h: Hypothesis, number: int) -> list[Hypothesis]:
         errors, shares = _fitted(stage, rows if lags else [row[:2] for row in rows], free)
         for k in np.argsort(errors)[:2]:
             theta, whole = thetas[k].copy(), shares[k][0]
-            theta[POLES : 2 * POLES] *= whole
+            theta[NUMERATOR] *= whole
             theta[gain] = max(_CHANGE * shares[k][1] / whole, -0.9)
             theta[slowing] = max(lag * shares[k][2] / whole, 0.0) if lags else 0.0
             made.append(Hypothesis(h.poles, h.zeros, (number,), theta))
@@ -329,7 +336,7 @@ def _scaled(stage: Stage, thetas: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     forced, free = _forced(stage, thetas)
     errors, shares = _fitted(stage, [[row] for row in forced], free)
     scaled = thetas.copy()
-    scaled[:, POLES : 2 * POLES] *= np.array(shares)
+    scaled[:, NUMERATOR] *= np.array(shares)
     return np.where(np.isfinite(errors), errors, np.inf), scaled
 
 
@@ -337,7 +344,7 @@ def _forced(stage: Stage, thetas: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """What grows with the gain of each plant, and what it does by itself: from the level that was
     measured at first it comes to rest, which says nothing of its gain."""
     doubled = thetas.copy()
-    doubled[:, POLES : 2 * POLES] *= 2.0
+    doubled[:, NUMERATOR] *= 2.0
     y = stage.simulate(np.concatenate([thetas, doubled]))[:, stage.mask]
     forced = y[len(thetas) :] - y[: len(thetas)]
     return forced, y[: len(thetas)] - forced

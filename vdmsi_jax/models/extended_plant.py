@@ -138,7 +138,8 @@ class ExtendedPlant(AbstractPlant):
             raise ValueError(f"{problem}; give `hearing` one value for each command")
         system = self.plant.to_plant().system
         pace = system.A[0, 1] if system.B.shape[0] > 1 else jnp.ones(())  # 1/s
-        a, b = -system.A[:, 0] / pace, system.B / pace
+        a = -system.A[:, 0] / pace
+        b = system.B / pace + system.D * a
         leads = self.leads * pace ** jnp.arange(1.0, 3.0)
         return Signals(
             t=jnp.append(told.t, told.t[-1] + dt),

@@ -2,27 +2,31 @@
 
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, ArrayLike, Float, Int
 
 from vdmsi_jax.models.state_space import StateSpace, held, squarings_of
 
 
 def observer(
-    a: Float[Array, " n"], b: Float[Array, " n"], pace: Float[Array, ""]
+    a: Float[Array, " n"],
+    b: Float[Array, " n"],
+    pace: Float[Array, ""],
+    feed: Float[ArrayLike, ""] = 0.0,
 ) -> tuple[StateSpace, Float[Array, " n"]]:
-    """The observer form of `(b1 q^(n-1) + ... + bn) / (q^n + a1 q^(n-1) + ... + an)` with
-    `q = s / pace`, and its state at rest per unit of command.
+    """The observer form of `(feed q^m + b1 q^(m-1) + ... + bm) / (q^m + a1 q^(m-1) + ... + am)`
+    with `q = s / pace`, and its state at rest per unit of command.
 
     Trailing zeros in both make a plant of lower order: their states stay exactly zero, so plants of
     every order are one batch.
     """
     n = a.shape[0]
     A = (jnp.eye(n, k=1).at[:, 0].add(-a)) * pace
-    system = StateSpace(A, b * pace, jnp.eye(n)[0], jnp.zeros(()))
+    feed = jnp.asarray(feed, float)
+    system = StateSpace(A, (b - feed * a) * pace, jnp.eye(n)[0], feed)
     order = _last(a)
     level = b[order] / jnp.where(a[order] == 0.0, 1.0, a[order])
     others = jnp.where(jnp.arange(n - 1) < order, a[:-1] * level - b[:-1], 0.0)
-    return system, jnp.concatenate([level[None], others])
+    return system, jnp.concatenate([(level - feed)[None], others])
 
 
 def slowness_of(
