@@ -34,7 +34,7 @@ def fitted(*, again: bool) -> tuple[Stage, Refit, Refit]:
     stage = stage_of(lay_out(records), PLANT).fitting
     starts = []
     for cause, size in (("dead_zone", 0.1), ("offset", -0.1)):
-        (number,) = (k for k in stage.allowed if stage.slots[k].cause == cause)
+        number = next(k for k in stage.allowed if stage.slots[k].cause == cause)
         theta = stage.off.copy()
         theta[0], theta[4] = 1.0 / (0.2 * stage.pace), 1.0 / (0.2 * stage.pace)
         theta[stage.slots[number].index[0]] = size

@@ -53,7 +53,7 @@ class CoulombFriction(AbstractEffect):
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
         sizes = [k * scales.command for k in (0.01, 0.03, 0.08, 0.2)]
-        held = [(size, 0.5 * size, worn) for size in sizes[1:3] for worn in (0.0, 0.1)]
+        held = [(size, 0.5 * size, worn) for size in sizes[1:3] for worn in (0.02, 0.1)]
         return [(size, 0.0, 0.0) for size in sizes] + held
 
     def effort(self, at: Effort) -> Float[Array, ""]:
