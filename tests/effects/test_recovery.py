@@ -97,7 +97,7 @@ CASES = {
     "Quantization nearest": Case(plain.stepped(0.37), (0.37,), screened=True),
     "Quantization floor": Case(plain.counted(0.37), (0.37,), screened=True),
     "Quantization truncation": Case(plain.cast(0.37), (0.37,), screened=True),
-    "DeadZone": Case(plain.dead_zone(0.46), (0.46,), second_order=True),
+    "DeadZone command": Case(plain.dead_zone(0.46), (0.46,), second_order=True),
     "LateDeadZone spool": Case(
         plain.dead_spool(0.46), (0.46, FIRST), (WITHIN, 0.1), second_order="alone"
     ),

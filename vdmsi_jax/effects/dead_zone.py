@@ -11,13 +11,18 @@ from vdmsi_jax.parameters import parameter
 
 
 class DeadZone(AbstractEffect):
-    """`u - clip(u, -w, w)`: nothing within `half_width` of zero, the excess beyond it."""
+    """`u - clip(u, -w, w)`: nothing within `half_width` of zero, the excess beyond it.
+
+    Attributes:
+        at: what has the zone.
+    """
 
     cause: ClassVar[str] = "dead_zone"
 
     half_width: Float[Array, ""] = parameter(
         "command", "commands up to this size do nothing", lower=0.0
     )
+    at: Literal["command"] = eqx.field(static=True, default="command")
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
         largest = max(abs(scales.low), abs(scales.high))
