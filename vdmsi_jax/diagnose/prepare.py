@@ -60,9 +60,10 @@ def stage_of(runs: Runs, spec: PlantSpec, reference: KnownNoise | None = None) -
     is_vehicle = runs.records[0].vehicle is not None and name != "plant"
     foreign = _FOREIGN.get(name, set())
     foreign = foreign | (_PLANTS_ONLY if is_vehicle else _VEHICLES_ONLY | _BOTH_WAYS)
-    if u.min() >= 0.0 or u.max() <= 0.0:  # both forms are one, and no spool crosses its overlap
+    if u.min() >= 0.0 or u.max() <= 0.0:  # there both forms are one, and gears and spools are rare:
         foreign = foreign | {"gain_nonlinearity by skew", "quantization by truncation"}
-        foreign = foreign | {"dead_zone at spool"}
+        foreign = foreign | {"dead_zone at spool", "backlash at between"}  # of tanks they imitate
+        # a rim
     if min(np.mean(v[seen] > 0.0), np.mean(v[seen] < 0.0)) < _REVERSED:
         foreign = foreign | _BOTH_WAYS
     begun = np.array([[r.session] for r in runs.records])
