@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .colour import whiten
-from .hypothesis import Hypothesis, Refit, responses
+from .hypothesis import Hypothesis, Refit, residual, responses
 from .lanes import POLES
 from .price import score
 from .refit import refit
@@ -56,8 +56,7 @@ def feeds_through(stage: Stage, fit: Refit) -> bool:
     if stage.within is not None:
         return False
     step = np.diff(stage.u, axis=1, prepend=stage.u[:, :1])
-    e = np.where(stage.mask, stage.y - fit.y, 0.0)
-    white = whiten(e[None], fit.colour[None])[0]
+    white = whiten(residual(stage, fit.y)[None], fit.colour[None])[0]
     x, y = step[stage.mask], white[stage.mask]
     share = float(x @ y) ** 2 / max(float((x @ x) * (y @ y)), 1e-300)
     return share > _AT_ONCE and share * x.size > _SURE
