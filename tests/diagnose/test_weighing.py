@@ -93,8 +93,9 @@ def test_of_two_that_stand_in_for_each_other_the_first_leads():
     assert nearly_all.of_its_kind(PLAY, both) == [both[0]]
     told = _or_else(PLAY, [FRICTION])
     assert [(r.cause, r.indistinguishable) for r in told.rivals] == [("coulomb_friction", True)]
-    little = replace(WEIGHING, extended={"y": replace(SCORE, mse=0.9)})
-    assert not little.leads(PLAY, both)
+    for mse, points, leads in ((0.6, 0.0, False), (0.6, 4.0, True), (0.9, 4.0, False)):
+        taken = replace(SCORE, mse=mse, fit=SCORE.fit + points)
+        assert replace(WEIGHING, extended={"y": taken}).leads(PLAY, both) is leads
 
 
 def test_what_four_others_tell_as_well_is_a_name_only_by_itself():

@@ -108,10 +108,12 @@ class Evidence:
         that are one without a name."""
         findings, minor, crowds, of_plant = [], [], [], {}
         for cause, trial in sure:
-            leads = weighing.leads(cause, trials)
-            if leads:  # each would take nearly as much without the other
-                cause = _or_else(cause, [c for c, _ in weighing.of_its_kind(cause, trials)])
-            found = self._finding(cause, trial, road, alone=len(trials) == 1)
+            leads, told = weighing.leads(cause, trials), cause
+            if leads:  # each would take nearly as much without the other: what they take together
+                assert cause.search is not None
+                trial = self._trial(cause, cause.search.plain)
+                told = _or_else(cause, [c for c, _ in weighing.of_its_kind(cause, trials)])
+            found = self._finding(told, trial, road, alone=len(trials) == 1)
             puzzle = _doubt(remains.puzzles, cause, trial)
             disturbance = _doubt(remains.disturbed, cause, trial)
             small = (
@@ -172,15 +174,16 @@ class Evidence:
 
     # ---- gains -----------------------------------------------------------------------------
 
-    def _trial(self, cause: Named) -> Trial:
-        """What a cause is worth on data held out, in the channel that it is worth most in."""
+    def _trial(self, cause: Named, less: Refit | None = None) -> Trial:
+        """What a cause is worth on data held out, in the channel that it is worth most in; of an
+        actuator's beside the model `less`, the one without it by default."""
         tried, sure, faint = [], [], False
         if cause.search is not None and cause.finding is not None:
             stage, final = cause.search.stage, cause.search.final
             name = next(s.output for s, f in self.searches.items() if f is cause.search)
             promised = cause.finding.promised
             held, use = bool(stage.held_out.sum() > FEW), cause.search.judges
-            less = cause.search.usable_without(cause.finding)
+            less = less or cause.search.usable_without(cause.finding)
             scored = Scored(name, stage.y, less.y, final.y, final.colour)
             sure.append(confirmed(scored, use, self.runs.dt))
             faint = held and scored.faint(stage.mask, use)
@@ -188,15 +191,15 @@ class Evidence:
             tried.append((scored, use, held, step))
         if cause.body is not None and self.bodily is not None:
             body, final = self.bodily.body, self.bodily.final
-            less, promised = cause.body.less, cause.body.promised
+            bare, promised = cause.body.less, cause.body.promised
             for c in body.measured:
-                scored, use, held = chained(body, final, less, c)
+                scored, use, held = chained(body, final, bare, c)
                 sure.append(confirmed(scored, use, body.dt))
-                whole = replace(scored, before=less.predicted[c], after=final.predicted[c])
+                whole = replace(scored, before=bare.predicted[c], after=final.predicted[c])
                 far = near = None
                 if promised is not None:
                     far = replace(whole, after=promised.predicted[c])
-                    near = chained(body, promised, less, c)[0]
+                    near = chained(body, promised, bare, c)[0]
                 tried += [(whole, use, held, far), (scored, use, held, near)]
         scored, use, held, step = max(tried, key=lambda t: t[0].taken(t[1]))
         worth, variance = (sum(parts) for parts in zip(*sure, strict=True))

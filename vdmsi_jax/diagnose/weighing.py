@@ -70,7 +70,7 @@ class Weighing:
 
     def leads(self, cause: Named, trials: Sequence[tuple[Named, Trial]]) -> bool:
         """Whether a cause takes most of all of its actuator where none takes more than little: each
-        stands in for the others where it is missing, and together they may take nearly all."""
+        stands in for the others where it is missing, and together they take much."""
         taken = [
             (self._of_all(other, trial.gain), trial.gain.channel, other)
             for other, trial in trials
@@ -79,7 +79,7 @@ class Weighing:
         if len(taken) < 2:
             return False
         most, channel, first = max(taken, key=lambda one: one[0])
-        return first is cause and most < MINOR and self.taken(channel) > _STRONG
+        return first is cause and most < MINOR and self._much_together(channel)
 
     def of_its_kind(
         self, cause: Named, trials: Sequence[tuple[Named, Trial]]
@@ -175,6 +175,15 @@ class Weighing:
         if channel not in self.baseline:
             return 0.0
         return 1.0 - self.extended[channel].mse / max(self.baseline[channel].mse, 1e-300)
+
+    def _much_together(self, channel: str) -> bool:
+        """Whether all causes take more than half of the baseline's squared error, or a good part of
+        it that is clear in FIT as well."""
+        taken = self.taken(channel)
+        if taken <= _MUCH:
+            return False
+        points = self.extended[channel].fit - self.baseline[channel].fit
+        return taken > _STRONG or points > _POINTS
 
     def _imitated(self, cause: Named, gain: Gain) -> bool:
         """Whether the best plant without causes is as good on data held out: its poles and zeros
