@@ -33,6 +33,7 @@ _BOTH_WAYS = {"offset by travel"}
 # of a vehicle's speed that is drag
 _PLANTS_ONLY = {"gain_nonlinearity by stiffness", "gain_nonlinearity by power"}
 FEWEST = 80  # samples that a fit needs
+_FAR = 0.5  # of a command's largest, above which it always is where no dead zone is in its way
 _REVERSED = 0.05  # of the time, that a vehicle moves the other way if it moves both ways
 
 
@@ -64,6 +65,8 @@ def stage_of(runs: Runs, spec: PlantSpec, reference: KnownNoise | None = None) -
         foreign = foreign | {"gain_nonlinearity by skew", "quantization by truncation"}
         foreign = foreign | {"dead_zone at spool", "backlash at between"}  # of tanks they imitate
         # a rim
+    if np.abs(u).min() > _FAR * np.abs(u).max() and np.ptp(np.sign(u)) == 0.0:
+        foreign = foreign | {"dead_zone"}  # which such a command never enters: it is an offset
     if min(np.mean(v[seen] > 0.0), np.mean(v[seen] < 0.0)) < _REVERSED:
         foreign = foreign | _BOTH_WAYS
     begun = np.array([[r.session] for r in runs.records])
