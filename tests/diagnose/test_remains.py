@@ -98,6 +98,20 @@ def test_a_slow_error_that_goes_with_what_is_asked_is_the_model_s():
     assert found is not None and found.puzzling and not found.steady
 
 
+@pytest.mark.parametrize(
+    ("size", "fraction", "open_"), [(0.22, 0.21, True), (0.13, 0.9, True), (0.06, 0.21, False)]
+)
+def test_a_slow_error_that_is_large_beside_the_response_is_open_whatever_was_found(
+    size, fraction, open_
+):
+    """Be it a fifth of what a noisy channel leaves, or that findings took nine tenths before."""
+    left = slow(when_it_jumps(wind(0.6)))
+    assert left is not None
+    left = replace(left, size=size, fraction=fraction)
+    assert unexplained([left], {"v"}, {}, lambda channel: 0.9) is open_
+    assert not unexplained([replace(left, steady=True)], {"v"}, {}, lambda channel: 0.9)
+
+
 def test_wind_that_rests_while_a_vehicle_stands_does_not_go_with_what_is_asked():
     v = np.where(T % 20.0 < 6.0, 0.0, 5.0 + np.sin(T))[None]
     error = wind(0.3) * (v > 0.0) + 0.003 * NOISE

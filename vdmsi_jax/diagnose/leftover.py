@@ -172,8 +172,10 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
         slot = stage.slots[failed.finding.number]
         label = f"{slot.cause} ({slot.where})"
         fraction = _failed(stage, failed)
-        if slow is not None and slow.steady and slot.cause in IMITATORS:
-            continue  # it had drawn the disturbance of the data fitted
+        if slot.cause == "resonance" or (
+            slow is not None and slow.steady and slot.cause in IMITATORS
+        ):
+            continue  # it had drawn the noise or the disturbance of the data fitted
         if slot.weight < FREE and failed.finding.gain > _LOUD and fraction > _SEEN:
             broken[label] = max(broken.get(label, 0.0), fraction)
     found += [_broken(label, spec.output, fraction) for label, fraction in broken.items()]

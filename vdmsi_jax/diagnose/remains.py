@@ -1,5 +1,6 @@
 """What a model leaves: what weighs against its causes, and whether the logs are explained by it."""
 
+import math
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,6 +16,8 @@ from .unexplained import BURSTS, SMALL
 _SERIOUS, _MOSTLY = 0.05, 0.3  # share of structure in a residual that is spoken of, and that weighs
 _SETTLED = 0.75  # share of a channel's error from which on findings have explained it
 _OPEN = 0.12  # share of it that is left and structure, from which on they have not
+_PLAIN, _PART = 0.1, 0.1  # slow error, of a response's spread, and share of what is left that it
+# is, from which on it is open whatever noise is around it
 _ELSEWHERE = 0.08  # slow error, of a response's spread, that weighs beside findings elsewhere,
 _WIND_ELSEWHERE = 0.12  # and one that goes with nothing commanded
 _NO_WIND, _NO_EVEN_WIND = 0.08, 0.16  # the same, beyond which an error is no disturbance, and one
@@ -107,12 +110,20 @@ def unexplained(
     ]
     if not touched:
         return bool(serious)
+    if any(_plain(u) and u.channel in touched for u in serious):
+        return True
     return any(
         u.fraction > _MOSTLY
         and not _settled(u, taken(u.channel))
         and (u.channel in touched or u.size > (_WIND_ELSEWHERE if u.steady else _ELSEWHERE))
         for u in serious
     )
+
+
+def _plain(left: Unexplained) -> bool:
+    """Whether it is a slow error that is large beside the response, and no disturbance."""
+    slow = left.puzzling and not left.steady and math.isfinite(left.size)
+    return slow and left.size > _PLAIN and left.fraction > _PART
 
 
 def _settled(left: Unexplained, taken: float) -> bool:
