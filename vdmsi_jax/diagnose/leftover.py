@@ -167,15 +167,15 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     slow = slow_error(*about, known, moves, stage.scales.time_constant)
     if slow is not None:
         found.append(slow)
+    # what may have drawn the noise, or the disturbance, of the data fitted
+    drawn = IMITATORS if slow is not None and slow.steady else {"resonance"}
     broken: dict[str, float] = {}  # of several forms or plants with it, the most
     for failed in own.failed:
         slot = stage.slots[failed.finding.number]
         label = f"{slot.cause} ({slot.where})"
         fraction = _failed(stage, failed)
-        if slot.cause == "resonance" or (
-            slow is not None and slow.steady and slot.cause in IMITATORS
-        ):
-            continue  # it had drawn the noise or the disturbance of the data fitted
+        if slot.cause in drawn:
+            continue
         if slot.weight < FREE and failed.finding.gain > _LOUD and fraction > _SEEN:
             broken[label] = max(broken.get(label, 0.0), fraction)
     found += [_broken(label, spec.output, fraction) for label, fraction in broken.items()]

@@ -65,8 +65,8 @@ def stage_of(runs: Runs, spec: PlantSpec, reference: KnownNoise | None = None) -
         foreign = foreign | {"gain_nonlinearity by skew", "quantization by truncation"}
         foreign = foreign | {"dead_zone at spool", "backlash at between"}  # of tanks they imitate
         # a rim
-    if np.abs(u).min() > _FAR * np.abs(u).max() and np.ptp(np.sign(u)) == 0.0:
-        foreign = foreign | {"dead_zone"}  # which such a command never enters: it is an offset
+        if np.abs(u).min() > _FAR * np.abs(u).max():
+            foreign = foreign | {"dead_zone"}  # which it never enters: it is an offset
     if min(np.mean(v[seen] > 0.0), np.mean(v[seen] < 0.0)) < _REVERSED:
         foreign = foreign | _BOTH_WAYS
     begun = np.array([[r.session] for r in runs.records])
