@@ -44,3 +44,26 @@ def test_a_hoop_motor_answers_less_to_more(shared_data, tmp_path):
         "gain_nonlinearity", "plant"
     ]
     assert finding["gain"]["after"] > 93.0
+
+
+def test_a_sedan_understeers(shared_data, tmp_path):
+    """It leads what is named of the body; FIT of the yaw rate rises by more than 2 points."""
+    logs = sorted((shared_data / "genesis_sedan").glob("*.csv"))
+    found = diagnosed(logs, "genesis_sedan.toml", tmp_path)
+    first = next(f for f in found["findings"] if f["where"] == "vehicle")
+    assert first["cause"] == "understeer" and first["parameters"]["gradient"]["value"] > 0.0
+    before, after = (found[k]["channels"]["r"]["fit"] for k in ("baseline", "extended"))
+    assert after > before + 2.0
+
+
+def test_a_small_car_steers_late_and_to_one_side(shared_data, tmp_path):
+    logs = [shared_data / "cpm_mucar" / "run_a.csv"]
+    found = named(diagnosed(logs, "cpm_mucar_run_a.toml", tmp_path))
+    assert {("transport_delay", "steering"), ("offset", "steering")} <= set(found)
+
+
+def test_a_position_servo_sticks(shared_data, tmp_path):
+    """In so stiff a loop friction is hardly another thing than play of the goal: a set with it."""
+    logs = [shared_data / "bam_servo" / "xl330_kp400_sin_sin.csv"]
+    (finding,) = diagnosed(logs, "bam_servo.toml", tmp_path)["findings"]
+    assert "coulomb_friction" in (finding["cause"], *finding["indistinguishable_from"])

@@ -18,7 +18,7 @@ _APART = 1.7  # standard errors over blocks, from which two causes are told apar
 _CLOSE, _FORM, _FAR = 15.0, 0.1, 50.0  # lack, the same as a share of the gain, and lack again, up
 # to which blocks are asked; beyond, it is no matter of form: 61 answers of four exams
 _LOOPS = {"backlash", "coulomb_friction"}
-_LOOP = 0.25  # share of the gain, up to which blocks are asked which of them it is
+_LOOP = 0.5  # share of the gain, up to which blocks are asked which of them it is
 _LOOP_APART = 1.35  # standard errors that do: wrong ones had up to 1.2, right ones from 1.49 on
 _ABLE = 0.2  # share of the gain of a cause, that one in its place must promise or gain itself
 _TRIED = 5  # causes of a screen that are tried in the place of one

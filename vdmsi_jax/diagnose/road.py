@@ -7,7 +7,7 @@ import numpy as np
 
 from .body_search import BodySearch
 from .found import Search
-from .hypothesis import Hypothesis, responses
+from .hypothesis import Hypothesis, Refit, responses
 from .naming import Named
 from .result import Path
 from .runs import Runs
@@ -76,13 +76,14 @@ class Road:
             found[name] = {"max": float(e.max()), "mean": float(e.mean()), "rmse": rmse}
         return found
 
-    def without(self, cause: Named) -> float:
-        """Mean translation error of the model without a cause, refitted, m."""
+    def without(self, cause: Named, less: Refit | None = None) -> float:
+        """Mean translation error of the model without a cause, m: its actuator refitted without it,
+        or `less`."""
         responses = {c: s.final.y for c, s in self.searches.items()}
         theta = self.bodily.final.theta
         if cause.search is not None and cause.finding is not None:
             channel = next(c for c, s in self.searches.items() if s is cause.search)
-            responses[channel] = cause.search.usable_without(cause.finding).y
+            responses[channel] = (less or cause.search.usable_without(cause.finding)).y
         if cause.body is not None:
             theta = cause.body.less.theta
         return self.mean(self._drive(responses, theta))

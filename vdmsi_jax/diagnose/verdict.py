@@ -108,12 +108,13 @@ class Evidence:
         that are one without a name."""
         findings, minor, crowds, of_plant = [], [], [], {}
         for cause, trial in sure:
-            leads, told = weighing.leads(cause, trials), cause
+            leads, told, less = weighing.leads(cause, trials), cause, None
             if leads:  # each would take nearly as much without the other: what they take together
                 assert cause.search is not None
-                trial = self._trial(cause, cause.search.plain)
+                less = cause.search.plain
+                trial = self._trial(cause, less)
                 told = _or_else(cause, [c for c, _ in weighing.of_its_kind(cause, trials)])
-            found = self._finding(told, trial, road, alone=len(trials) == 1)
+            found = self._finding(told, trial, road, less, alone=len(trials) == 1)
             puzzle = _doubt(remains.puzzles, cause, trial)
             disturbance = _doubt(remains.disturbed, cause, trial)
             small = (
@@ -209,11 +210,18 @@ class Evidence:
         fast = scored.fast(use, self.runs.dt)
         return Trial(gain, predicted, worth if held else cause.statistic, steady, fast, faint)
 
-    def _finding(self, cause: Named, trial: Trial, road: Road | None, alone: bool) -> Finding:
+    def _finding(
+        self,
+        cause: Named,
+        trial: Trial,
+        road: Road | None,
+        less: Refit | None = None,
+        alone: bool = False,
+    ) -> Finding:
         gain = trial.gain
         share = max(0.0, 1.0 - gain.mse_after / max(gain.mse_before, 1e-300))
         if road is not None:
-            before, after = road.without(cause), road.extended_mean
+            before, after = road.without(cause, less), road.extended_mean
             if alone:  # the baseline, whose order may be another, is a model without it, too
                 before = min(before, road.mean(road.baseline))
             gain = replace(gain, ate_before=before, ate_after=after)
