@@ -18,10 +18,18 @@ from .windows import history
 _ROUNDS = 4
 _SETTLED = 1.0  # gain of twice the log-likelihood by a round, after which another is not worth it
 _IDLE = 5.0  # gain by the first round, below which there is no second
-_RIDGE = 1e-4  # of the samples: a thousandth of a standard deviation for each weight
+_RIDGE = 1e-4  # of the samples: a hundredth of a standard deviation for each weight
+_SHRUNK = 0.1  # the same for weights of many shapes, of which only all together mean anything
 SURE, HELD = 30.0, 12.0
 """Twice the gain in log-likelihood, beyond two for each weight, and on data held out, from which on
 a kind of error is told."""
+
+PACE = "a time constant that changes with the state"
+"""The kind of what changes how fast a response moves, and not where it comes to rest."""
+
+PLAIN = 100.0
+"""The same, from which on an error is plainly some function of inputs and states, whatever data
+held out say of that function: 30 clean responses had -65 to 11."""
 
 _WORTH = 0.05  # share of the squared error, fitted and held out, below which it is not told
 _START = 2.0  # s at the start of what is held out, where the states at the start are guessed
@@ -29,7 +37,15 @@ _WIDTHS = (0.02, 0.05, 0.1, 0.2, 0.35)  # of plays, of the range
 _PASTS = (3.0, 10.0, 30.0)  # s
 _LAGS = (0.1, 0.3, 1.0, 3.0)  # s
 _SWAYS = (0.05, 0.15, 0.5)  # s
-_WAVES = 24
+_WAVES, _FEWEST = 128, 16  # shapes, fewer in short logs
+_BANDWIDTH = (
+    1.6  # radians by which a shape turns, typically, over a standard deviation of all states
+)
+_SPANS, _EFFORTS = (
+    (0.3, 1.0, 3.0, 10.0),
+    (1.0, 5.0),
+)  # time constants of the plant, of what it remembers
+_LOOPS = (0.08, 0.25)  # widths of plays that it remembers by, of the range
 _EACH = 15  # samples, at the least, for each weight
 _BETTER = (1.2, 20.0)  # times a cause's gain, and beyond, from which a kind tells it better
 _OF_FORM = (0.5, 0.7)  # of the best statistic and its share, from which on a known kind is told
@@ -55,12 +71,14 @@ class Family:
         depends_on: what it depends on.
         features: (k, R, N) what it adds for unit weights.
         causes: those of the library that are of this kind; None where all may be.
+        ridge: of its weights, of the samples.
     """
 
     words: str
     depends_on: tuple[str, ...]
     features: Float[np.ndarray, "k R N"]
     causes: tuple[str, ...] | None = ()
+    ridge: float = _RIDGE
 
     def times(self, weights: Float[np.ndarray, "R N"] | float) -> "Family":
         """The same of an error that is weighted."""
@@ -73,9 +91,10 @@ class Explained:
 
     Attributes:
         family: the kind.
-        statistic: twice the gain in log-likelihood, less two for each weight.
-        held_out: twice the gain on data held out; infinite where there is none.
-        share: of the squared error, where it was fitted or held out, whichever is less.
+        statistic: twice the gain in log-likelihood, less two for each weight that is free.
+        held_out: twice the gain on data held out; infinite where there is none, or none is asked.
+        share: of the squared error, where it was fitted or held out, whichever is less; of the
+            innovations', where that is more and it is any function at all.
     """
 
     family: Family
@@ -96,6 +115,7 @@ def of_plant(
     names: tuple[str, str],
     mask: Bool[np.ndarray, "R N"],
     dt: float,
+    span: float = 1.0,
 ) -> tuple[Float[np.ndarray, "k R N"], list[Family]]:
     """What a freer linear plant could add, and the families of a plant with one input.
 
@@ -105,6 +125,7 @@ def of_plant(
         t: time, s.
         mask: samples that are fitted.
         dt: sample period, s.
+        span: slowest time constant of the plant, s.
     """
     command, response = names
     rate = np.gradient(y, dt, axis=1)
@@ -118,7 +139,7 @@ def of_plant(
     found = [
         _hysteresis(y, response, mask, _STICKING),
         _family("a gain that remembers past effort", [command], [y * x for x in effort]),
-        _family("a time constant that changes with the state", [response], paced, _PACED),
+        _family(PACE, [response], paced, _PACED),
         _family("a gain that changes with the state", [response], _curves(y, mask), _CURVED),
         _family("a change with time", ["t"], aging, _AGING),
     ]
@@ -130,9 +151,15 @@ def of_plant(
         words = "a coupling with the other command"
         found.append(_family(words, ["the other command"], across, _CROSSED))
         states["the other command"] = other
-    found.append(_any("a function of inputs and states", states, mask))
+    span = float(np.clip(span, 3.0 * dt, 0.1 * max(float(np.ptp(t)), 30.0 * dt)))
+    past = [history(u, k * span, dt) for k in _SPANS]
+    efforts = [history(np.abs(u - u[mask].mean()), k * span, dt) for k in _EFFORTS]
+    loops = y - plays(y, [0.5 * w * float(np.ptp(y[mask])) for w in _LOOPS])
+    remembered = [*past, *efforts, *loops]
     lagged = [history(x, s, dt) for s in _LAGS for x in (u, y)]
-    return np.stack([np.ones_like(u), u, y, rate, *lagged]), found
+    linear = np.stack([np.ones_like(u), u, y, rate, *lagged, *past])
+    found += _any("a function of inputs and states", states, remembered, mask, len(linear))
+    return linear, found
 
 
 def of_body(
@@ -169,10 +196,11 @@ def of_body(
         _hysteresis(turn, "delta", mask),
         _family("braking and accelerating while it turns", ["rate of v"], shifted, _LATE),
         _family("a body that sways", ["delta"], sways, _SWAYING),
-        _any("a function of speed and angle", states, mask),
     ]
     lagged = [v * history(delta, s, dt) for s in _LAGS[:2]]
-    return np.stack([np.ones_like(v), v, delta, turn, rate, *lagged, *paced]), found
+    linear = np.stack([np.ones_like(v), v, delta, turn, rate, *lagged, *paced])
+    found += _any("a function of speed and angle", states, behind, mask, len(linear))
+    return linear, found
 
 
 def weighed(
@@ -200,10 +228,16 @@ def weighed(
     for family in families:
         if mask.sum() < _EACH * (len(family.features) + len(linear)):
             continue
-        freer = _squares(e, np.concatenate([linear, family.features]), uses, dt)
+        ridges = np.repeat([_RIDGE, family.ridge], [len(linear), len(family.features)])
+        freer = _squares(e, np.concatenate([linear, family.features]), uses, dt, ridges)
         news = [u.sum() * np.log(a / b) for u, a, b in zip(uses, plain[0], freer[0], strict=True)]
-        share = min(1.0 - b / a for a, b in zip(plain[1], freer[1], strict=True))
-        fitted = float(news[0]) - 2.0 * len(family.features)
+        fitted = float(news[0]) - 2.0 * (freer[2] - plain[2])
+        parts = slice(None)
+        if family.causes is None and fitted > PLAIN:  # other data may be where no shape has learnt
+            news, parts = news[:1], slice(1)
+        share = _share(plain[1][parts], freer[1][parts])
+        if family.causes is None:  # of what is fast, where most of the error is slow
+            share = max(share, _share(plain[0][parts], freer[0][parts]))
         found.append(Explained(family, fitted, float(min(news[1:], default=np.inf)), float(share)))
     return found
 
@@ -263,11 +297,14 @@ def plays(x: Float[np.ndarray, "R N"], halves: Sequence[float]) -> Float[np.ndar
     return out
 
 
-def _squares(e, X, uses, dt) -> tuple[list[float], list[float]]:
-    """Mean squares of the innovations, and of the error, that the features leave in each part."""
+def _squares(
+    e, X, uses, dt, ridges: float | np.ndarray = _RIDGE
+) -> tuple[list[float], list[float], float]:
+    """Mean squares of the innovations, and of the error, that the features leave in each part, and
+    how many of their weights are free."""
     mask = uses[0]
     n, order = int(mask.sum()), filter_length(dt, int(mask.sum()))
-    left, before = e, None
+    left, before, free = e, None, 0.0
     for turn in range(_ROUNDS + 1):
         colour = autoregression(np.where(mask, left, 0.0)[None], mask, order)
         white = whiten(left[None], colour)[0]
@@ -279,11 +316,17 @@ def _squares(e, X, uses, dt) -> tuple[list[float], list[float]]:
         Z = whiten(X[None], colour)[0][:, mask]
         sizes = np.sqrt(np.mean(Z**2, axis=1)) + 1e-300
         Z /= sizes[:, None]
-        normal = Z @ Z.T + _RIDGE * n * np.eye(len(X))
-        target = whiten(e[None], colour)[0][mask]
-        left = e - np.tensordot(np.linalg.solve(normal, Z @ target) / sizes, X, 1)
+        own = Z @ Z.T
+        weights = np.linalg.inv(own + np.diag(n * np.broadcast_to(ridges, len(X))))
+        target, free = whiten(e[None], colour)[0][mask], float(np.sum(weights * own))
+        left = e - np.tensordot(weights @ (Z @ target) / sizes, X, 1)
     innovations, errors = ([_power(z[u]) for u in uses] for z in (white, left))
-    return innovations, errors
+    return innovations, errors, free
+
+
+def _share(before: Sequence[float], after: Sequence[float]) -> float:
+    """The least share of a mean square that is taken, of several."""
+    return min(1.0 - b / a for a, b in zip(before, after, strict=True))
 
 
 def _power(z: np.ndarray) -> float:
@@ -312,16 +355,27 @@ def _curves(y: np.ndarray, mask: np.ndarray) -> list[np.ndarray]:
     return [y**2, y**3, np.abs(y) * y, np.sign(y), *bent]
 
 
-def _any(words: str, states: Mapping[str, np.ndarray], mask: np.ndarray) -> Family:
-    """Random cosines of all together (Rahimi and Recht, Random features for large-scale kernel
-    machines, 2007)."""
+def _any(
+    words: str,
+    states: Mapping[str, np.ndarray],
+    remembered: Sequence[np.ndarray],
+    mask: np.ndarray,
+    beside: int,
+) -> list[Family]:
+    """Random cosines of all states together and of what they were (Rahimi and Recht, Random
+    features for large-scale kernel machines, 2007), as many as can be told `beside` so many other
+    features; none where these are too few."""
     scaled = {}
-    for name, x in states.items():
+    for name, x in (*states.items(), *((None, x) for x in remembered)):
         middle, spread = float(np.mean(x[mask])), float(np.std(x[mask]))
         if spread > 1e-9 * (1.0 + float(np.abs(x[mask]).max())):
-            scaled[name] = np.clip((x - middle) / spread, -4.0, 4.0)
+            scaled[name or len(scaled)] = np.clip((x - middle) / spread, -4.0, 4.0)
+    count = min(_WAVES, int(mask.sum()) // _EACH - beside)
+    if not scaled or count < _FEWEST:
+        return []
     rng = np.random.default_rng(0)
-    weights = rng.normal(size=(_WAVES, len(scaled)))
-    phases = rng.uniform(0.0, 2.0 * np.pi, _WAVES)
+    weights = rng.normal(size=(count, len(scaled))) * _BANDWIDTH / np.sqrt(len(scaled))
+    phases = rng.uniform(0.0, 2.0 * np.pi, count)
     waves = np.tensordot(weights, np.stack(list(scaled.values())), 1) + phases[:, None, None]
-    return Family(words, tuple(scaled), np.cos(waves), None)
+    named = tuple(name for name in scaled if isinstance(name, str))
+    return [Family(words, named, np.cos(waves), None, _SHRUNK)]

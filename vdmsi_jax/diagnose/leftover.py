@@ -12,12 +12,15 @@ from .body_fit import BodyFit, residual
 from .body_search import BodyFinding, BodySearch
 from .colour import whiten
 from .disturbance import IMITATORS, demands, moving, scores
-from .families import Explained, Family, better_than, explained, of_body, of_plant, weighed
+from .families import PACE, Explained, Family, better_than, explained, of_body, of_plant, weighed
 from .found import Failed, Finding, Search
+from .hypothesis import responses
 from .judge import Scored
+from .lanes import LEADS
 from .result import Diagnosis, Unexplained
 from .runs import Runs
 from .search import FREE
+from .selection import without
 from .stage import Stage
 from .travelled import line_over
 from .unexplained import (
@@ -42,6 +45,7 @@ _ANOTHER = (
 )
 _JUMPS = 10.0  # `disturbance.scores` of events, from which a pose surely jumps: clean drives of two
 # exams had up to 7.8, jumps of a satellite receiver 13
+_STILL = 0.3  # of what a cause does to a response, that it does at rest at the least
 _PEAKED = (
     10.0  # kurtosis of its innovations, from which half of it tells: clean drives had up to 5.8
 )
@@ -113,6 +117,16 @@ def stand_ins(
             better = better_than(cause, finding.gain, kinds)
             if better is not None:
                 found.append((finding, _instead(spec.output, cause, better)))
+            elif _moves_alone(own, finding):
+                words = f"{PACE} would explain it better than {cause}"
+                share = max(
+                    Scored("", stage.y, finding.less.y, own.final.y, own.final.colour).taken(
+                        stage.mask
+                    ),
+                    0.0,
+                )
+                left = Unexplained(spec.output, share, (spec.output,), (), words, share > _PUZZLING)
+                found.append((finding, left))
     if bodily is not None and "r" in bodily.body.measured:
         answers = {f: weighed(*asked_of_body(runs, bodily.body, f.less)) for f in bodily.findings}
         for doubted in (False, True):
@@ -127,6 +141,24 @@ def stand_ins(
             answers = {f: kinds for f, kinds in answers.items() if f not in dict(outdone)}
             found += outdone
     return found
+
+
+def _moves_alone(own: Search, finding: Finding) -> bool:
+    """Whether a cause bends what pulls the response back only while that moves: where it rests, a
+    controller in the plant makes up for it, so that no characteristic is bent."""
+    stage, h = own.stage, own.final.hypothesis
+    if getattr(stage.slots[finding.number].effect, "by", None) not in ("stiffness", "power"):
+        return False
+    bare, at_rest = without(stage, h, finding.number), []
+    for known in (h, bare):
+        theta = known.theta.copy()
+        theta[list(LEADS)] = 0.0
+        at_rest.append(replace(known, theta=theta))
+    plain, *still = responses(stage, [bare, *at_rest])
+    rests, moves = (
+        float(np.std(x[stage.mask])) for x in (np.subtract(*still), own.final.y - plain)
+    )
+    return rests < _STILL * moves
 
 
 def _instead(channel: str, cause: str, better: Explained) -> Unexplained:
@@ -250,7 +282,8 @@ def asked(
         thinned(x, every) for x in (e, stage.u, y, other, t, stage.mask, stage.held_out)
     )
     dt = every * stage.dt
-    linear, families = of_plant(u, y, other, t, (spec.input, spec.output), mask, dt)
+    named, span = (spec.input, spec.output), stage.scales.time_constant
+    linear, families = of_plant(u, y, other, t, named, mask, dt, span)
     return e, linear * weights, [f.times(weights) for f in families], mask, held_out, dt
 
 

@@ -19,6 +19,7 @@ from .starts import (
     backward,
     bent,
     delayed,
+    dragged,
     late,
     levelled,
     mirrored,
@@ -210,6 +211,7 @@ def _afresh(stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]) -
     """Causes that are not reached from the best plain plant."""
     plants = [plain, *_smaller(stage, grid, plain)[:1]]
     of_one_pole = [*bent(stage, grid[1, 0]), *delayed(stage, grid[1, 0])]
+    of_one_pole += dragged(stage, grid)
     return [*of_one_pole, *(h for p in plants for h in scanned(stage, p))]
 
 

@@ -19,6 +19,7 @@ _PACES = (1.0, 2.0, 5.0)  # of a plant beside a delay, which had told it by a sl
 _DELAYS, _LONGEST, _NEARLY = 16, 0.1, 2.0  # how many are tried, up to which share of the longest
 # run, and how much more than the least error others may leave
 _LEVEL = 0.05  # of the response, by which it is tried to be off
+_DRAGGED, _DRAG = ((1, 0), (2, 0)), (0.35, 0.7)  # plants, and shares of their damping
 _CHANGE = 0.1  # of gain, to try moments with
 
 
@@ -218,6 +219,27 @@ def bent(stage: Stage, first: Refit) -> list[Hypothesis]:
         if error < best.get(number, (np.inf,))[0]:
             best[number] = (error, theta)
     return [Hypothesis(1, 0, (number,), theta) for number, (_, theta) in best.items()]
+
+
+def dragged(stage: Stage, grid: Mapping[tuple[int, int], Refit]) -> list[Hypothesis]:
+    """Plants of which a part of the damping is drag: what is left brakes less, and at the usual
+    speed both together as much as the plant that a linear fit took them for, whose pole is far from
+    either where drag is strong."""
+    numbers = [k for k in stage.allowed if stage.slots[k].cause == "drag"]
+    usual = float(np.mean(np.abs(stage.y[stage.mask])))
+    made = []
+    for number in numbers if usual > 0.0 else []:
+        for order in _DRAGGED:
+            h = grid[order].hypothesis
+            pull, damping = h.den[-1], h.den[-2]
+            for share in _DRAG:
+                theta = h.theta.copy()
+                theta[h.poles - 1] = (1.0 - share) * pull
+                theta[NUMERATOR] *= 1.0 - 0.5 * share
+                spent = 0.5 * share * pull / max(abs(damping), 1e-9) * stage.pace / usual
+                theta[stage.slots[number].index[0]] = spent
+                made.append(replace(h, active=(number,), theta=theta))
+    return made
 
 
 def pulled_back(stage: Stage, now: Refit) -> list[Hypothesis]:

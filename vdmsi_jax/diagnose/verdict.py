@@ -295,9 +295,10 @@ def _rank(found: Finding) -> tuple[float, float]:
 
 def _taken(weighing: Weighing, findings: Sequence[Finding], channel: str) -> float:
     """Share of a channel's error that findings took, of a baseline with the poles that tell a mode
-    or a delay as well, or of the model without the one that took most."""
+    or a delay as well, or of the model without the one that took most; where they were fitted or on
+    data held out, whichever is less."""
     shares = [f.share for f in findings if f.gain.channel == channel]
-    return max([weighing.taken(channel), *shares])
+    return min(max([weighing.taken(channel), *shares]), weighing.fitted(channel))
 
 
 def _or_else(cause: Named, others: Sequence[Named]) -> Named:

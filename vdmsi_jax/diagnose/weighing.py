@@ -176,6 +176,17 @@ class Weighing:
             return 0.0
         return 1.0 - self.extended[channel].mse / max(self.baseline[channel].mse, 1e-300)
 
+    def fitted(self, channel: str) -> float:
+        """The same of an actuator where it was fitted, or of the model without the cause that takes
+        most there; 1 for other channels."""
+        for spec, own in self.searches.items():
+            if spec.output == channel:
+                less = [own.baseline, *(f.less for f in own.findings)]
+                errors = [float(np.mean((own.stage.y - f.y)[own.stage.mask] ** 2)) for f in less]
+                left = float(np.mean((own.stage.y - own.final.y)[own.stage.mask] ** 2))
+                return 1.0 - left / max(*errors, 1e-300)
+        return 1.0
+
     def _much_together(self, channel: str) -> bool:
         """Whether all causes take more than half of the baseline's squared error, or a good part of
         it that is clear in FIT as well."""
@@ -211,8 +222,9 @@ class Weighing:
         """Whether it is less than a body's or a plant's own: a sensor that is late by less than
         half a sample, tyres by less than one that tell little, a body that turns with its tyres, a
         response that is early or late by what every bus takes, a mode that poles of the baseline
-        tell as well, or what hardly swings in these logs; a body that is slightly another, or
-        slower in bends; or a small gain in one channel that is none on the road.
+        tell as well, or what hardly swings in these logs, or between their samples; a body that is
+        slightly another, or slower in bends; or a small gain in one channel that is none on the
+        road.
         """
         value, dt = next(iter(found.parameters.values())).value, self.runs.dt
         none, g = False, found.gain
@@ -235,7 +247,8 @@ class Weighing:
         elif found.cause == "resonance":
             damping = found.parameters["damping"].value
             none = damping > _DAMPED or (damping > _LIGHT and self._part(g) < _ADDS)
-            none = none or found.parameters["frequency"].value * self._longest < _SWINGS
+            frequency = found.parameters["frequency"].value
+            none = none or frequency * self._longest < _SWINGS or frequency * dt > 0.5
         if found.where in ("vehicle", "sensor"):
             none = none or (found.statistic < _SLIGHT and g.after - g.before < _SLIGHT_POINTS)
         worse = g.ate_before is not None and g.ate_after is not None and g.ate_after > g.ate_before
