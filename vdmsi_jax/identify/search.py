@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from vdmsi_jax.identify.denominators import equal_poles, with_a_pole_less, with_pole
 from vdmsi_jax.identify.equation_error import equation_error
 from vdmsi_jax.identify.layout import Samples
 from vdmsi_jax.identify.pairs import promising_pairs
@@ -83,7 +84,7 @@ class Search:
         if self.has_delay:
             delays = list(dict.fromkeys([*delays[:2], *self._look_over(delays)]))
         starts = [
-            Point(order, _filter(cutoff, order[0]), delay)
+            Point(order, equal_poles(cutoff, order[0]), delay)
             for delay in delays
             for cutoff in (_CUTOFFS if delay == delays[0] else _CUTOFFS[-1:])
             for order in self.orders
@@ -103,7 +104,7 @@ class Search:
         freedom = [order for order in self.orders if order[1] <= 1 and order[0] <= 3]
         order = max(freedom or self.orders[:1])
         grid = np.linspace(0.0, min(1.2 * max(delays) + 2, float(self.longest)), _DELAYS)
-        starts = [Point(order, _filter(c, order[0]), d) for c in cutoffs for d in grid]
+        starts = [Point(order, equal_poles(c, order[0]), d) for c in cutoffs for d in grid]
         judged = self._run("judge", self._run("equation_error", starts))
         return [p.d for p in sorted(judged, key=lambda point: point.cost)[:2]]
 
@@ -127,7 +128,7 @@ class Search:
         known = [point.d for point in best.values()]
         looked = [*delays[:2], *self._look_over(delays, _CUTOFFS[-1:])]
         anew = [
-            Point(order, _filter(_CUTOFFS[-1], order[0]), delay)
+            Point(order, equal_poles(_CUTOFFS[-1], order[0]), delay)
             for delay in _apart([*known, *looked], _NEAR)
             if delay not in known
             for order in self.orders
@@ -229,7 +230,7 @@ class Search:
                     sooner = 1.0 if smaller == (m, m) and self.has_delay else 0.0
                     delay = max(point.d - sooner, 0.0)
                     candidates += [
-                        Point((n, m), _with_pole(point.a, n - 1, p), delay) for p in new_poles
+                        Point((n, m), with_pole(point.a, n - 1, p), delay) for p in new_poles
                     ]
         return candidates + self._with_pairs(best, changed, lines)
 
@@ -255,7 +256,7 @@ class Search:
             for larger in ((n + 1, m), (n + 1, m + 1)):
                 if larger in changed:
                     point = best[larger]
-                    for a, lag in _with_a_pole_less(point.a, n + 1):
+                    for a, lag in with_a_pole_less(point.a, n + 1):
                         late = min(point.d + lag / float(self.samples.dt), longest)
                         starts += [Point((n, m), a, d) for d in dict.fromkeys((point.d, late))]
         return starts
@@ -388,17 +389,6 @@ def _paired(point: Point, zeros: int, pole: complex) -> Point:
     return Point((n + 2, m + zeros), np.pad(a, (0, N_MAX - n - 2)), point.d)
 
 
-def _filter(cutoff: float, n: int) -> np.ndarray:
-    """Coefficients ascending of (s + cutoff)^n without the leading 1, padded to N_MAX."""
-    return np.pad(np.poly(np.full(n, -cutoff))[:0:-1], (0, N_MAX - n))
-
-
-def _with_pole(a: np.ndarray, n: int, pole: float) -> np.ndarray:
-    """Coefficients ascending of (s^n + ... + a_0) (s + pole), padded to N_MAX."""
-    product = np.convolve(np.append(a[:n], 1.0), [pole, 1.0])[: n + 1]
-    return np.pad(product, (0, N_MAX - n - 1))
-
-
 def _apart(delays: Iterable[float], least: float) -> list[float]:
     """Those delays that lie `least` or more from all before them."""
     kept: list[float] = []
@@ -406,22 +396,6 @@ def _apart(delays: Iterable[float], least: float) -> list[float]:
         if all(abs(delay - other) >= least for other in kept):
             kept.append(delay)
     return kept
-
-
-def _with_a_pole_less(a: np.ndarray, n: int) -> list[tuple[np.ndarray, float]]:
-    """Coefficients ascending of s^n + ... + a_0 with one of its decaying poles less, padded to
-    N_MAX, and the lag that this takes away: of a pair the pole that is left has the whole lag."""
-    poles = np.roots(np.append(1.0, a[:n][::-1]))
-    found = []
-    for k, pole in enumerate(poles):
-        if pole.imag < 0.0 or pole.real >= 0.0:
-            continue
-        others, lag = np.delete(poles, k), -1.0 / pole.real
-        if pole.imag > 0.0:
-            others[np.argmin(np.abs(others - pole.conjugate()))] = abs(pole) ** 2 / (2 * pole.real)
-            lag = 0.0
-        found.append((np.pad(np.poly(others).real[:0:-1], (0, N_MAX - n + 1)), float(lag)))
-    return found
 
 
 def _refined(points: Judged, orders: Order, samples: Samples, longest: Array) -> Judged:
