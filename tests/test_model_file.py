@@ -78,6 +78,7 @@ def test_identify_json_is_what_the_contract_says(tmp_path, grid):
     fit = plant["orders"]["P2Z1"]
     needed = "fit mse held_out_fit aic bic num den std delay offset poles zeros status"
     assert set(needed.split()) <= set(fit)
+    assert fit["supported"] is True
     assert fit["den"][0] == 1.0 and len(fit["den"]) == 3 and len(fit["num"]) == 2
     assert np.shape(fit["poles"]) == (2, 2)
     assert set(fit["std"]) == {"b1", "b0", "a1", "a0", "delay", "offset"}

@@ -76,6 +76,9 @@ def show_grids(grids: Mapping[str, "OrderGrid"]) -> None:
     for name, grid in grids.items():
         for warning in (*filter(None, [grid.note]), *grid.best.warnings):
             OUT.print(f"{name}: {warning}", soft_wrap=True)
+        if grid.left_out:
+            told = ", ".join(f"{fit.order} ({fit.fit:.2f} %)" for fit in grid.left_out)
+            OUT.print(f"{name}: better, but the data do not support them: {told}", soft_wrap=True)
 
 
 def show_comparisons(comparisons: Sequence["Comparison"]) -> None:

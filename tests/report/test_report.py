@@ -1,6 +1,7 @@
 """A report is one file that needs nothing else and says what the results say."""
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -10,7 +11,8 @@ import made_up
 from vdmsi_jax.report.identification import identification_page
 from vdmsi_jax.report.page import Page, Section, Table, Text, render
 from vdmsi_jax.report.simulation import simulation_page
-from vdmsi_jax.report.text import number, polynomial, roots
+from vdmsi_jax.report.text import number, percent, polynomial, roots
+from vdmsi_jax.terminal import show_grids
 
 VOID = {"meta", "path", "use", "rect", "br"}
 
@@ -71,6 +73,35 @@ def test_the_identification_says_what_was_found():
     assert f"{number(low)} … {number(high)}" in html
     assert "Nothing had to be repaired" in html
     assert html.count("<svg") == 4
+
+
+def test_the_identification_says_which_better_orders_the_data_do_not_support(capsys):
+    grid = made_up.order_grid()
+    told = "pole 0.01 rad/s cannot be told from an integrator"
+    best = grid["P2Z1"].fit
+    fits = {
+        **{order: replace(fit, fit=best - 0.1) for order, fit in grid.fits.items() if fit.ok},
+        "P2Z1": grid["P2Z1"],
+        "P2Z2": replace(grid["P2Z2"], fit=best + 0.2, supported=False, warnings=(told,)),
+        "P3Z1": replace(grid["P3Z1"], fit=best + 1.0, supported=False, warnings=(told,)),
+        "P4Z1": replace(grid["P4Z1"], fit=best + 2.0, supported=False),
+    }
+    grid = replace(grid, fits=fits)
+    assert [fit.order for fit in grid.left_out] == ["P4Z1", "P3Z1"]
+    html = render(identification_page({"steering": grid}, [grid.record]))
+    assert "Of the orders that the data support, P2Z1 is the smallest within 0.5 points" in html
+    assert f"P3Z1 (FIT {percent(best + 1.0)}): {told}" in html
+    assert f"P2Z2 (FIT {percent(best + 0.2)})" not in html
+    assert {row["order"] for row in grid.table() if not row["supported"]} == {
+        "P2Z2",
+        "P3Z1",
+        "P4Z1",
+    }
+    show_grids({"steering": grid})
+    assert f"do not support them: P4Z1 ({best + 2.0:.2f} %), P3Z1" in capsys.readouterr().out
+    alone = replace(grid, fits={o: f for o, f in fits.items() if f.supported})
+    assert alone.left_out == []
+    assert "left out" not in render(identification_page({"steering": alone}, [grid.record]))
 
 
 def test_the_simulation_says_how_much_is_gained():

@@ -58,4 +58,5 @@ def _order(fit: Fit) -> dict[str, Any]:
         "zeros": fit.zeros,
         "status": fit.status,
         "warnings": list(fit.warnings),
+        "supported": fit.supported,
     }

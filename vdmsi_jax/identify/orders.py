@@ -35,7 +35,8 @@ def order_grid(
     """Fit every order of `options` to one plant of a record.
 
     Each order is fitted without the samples of the mask `held_out` (n,) and scored on them; then,
-    from there, on all samples, which gives the model.
+    from there, on all samples, which gives the model. Where there is a delay to find, all samples
+    are looked over for other delays, too, since their loss may be least at another one.
     """
     proper = [(n, m) for n in options.poles for m in options.zeros if m <= n]
     if not proper:
@@ -51,9 +52,11 @@ def order_grid(
     some = samples
     if len(index) < record.n:
         some, _ = lay_out(part, plant, scale, (measured & ~held_out)[index])
-    found = Search(some, proper, **bounds).run(delays if longest else (0.0,))
+    search = Search(some, proper, **bounds)
+    found = search.run(delays if longest else (0.0,))
     if some is not samples:
-        found = Search(samples, proper, **bounds).polish(found.values())
+        search = Search(samples, proper, **bounds)
+        found = search.polish(found.values())
     scores = {}
     if held_out.any():
         seen = np.array([not held_out[s.start : s.stop].all() for s in record.segments])
@@ -69,9 +72,12 @@ def order_grid(
                 predicted,
             )
         samples, _ = lay_out(record, plant, scale, measured)
-        everything = Search(samples, proper, **bounds)
-        again = everything.settle if len(index) == record.n else everything.polish
+        _, delays = _scale(record, plant, measured, longest)
+        search = Search(samples, proper, **bounds)
+        again = search.settle if len(index) == record.n else search.polish
         found = again(found.values())
+    if longest and len(index) == record.n:
+        found = search.look_elsewhere(found.values(), delays)
     every = np.ones(len(record.segments), bool)
     details = _simulated(samples, where, found, every, options)
     fits = {

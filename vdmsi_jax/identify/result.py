@@ -133,6 +133,14 @@ class OrderGrid:
         """The fit of the chosen order (the paper's rule)."""
         return self.fits[self.chosen]
 
+    @property
+    def left_out(self) -> list[Fit]:
+        """Orders whose FIT is better than the chosen one's by more than `fit_loss` points, and that
+        are left out since the data do not support them; the best first."""
+        least = self.best.fit + self.fit_loss
+        unsupported = [f for f in self.fits.values() if f.fit > least and not f.supported]
+        return sorted(unsupported, key=lambda fit: -fit.fit)
+
     def table(self) -> list[dict[str, object]]:
         """One row per order, improper ones included with their reason."""
         return [
@@ -143,6 +151,7 @@ class OrderGrid:
                 "held_out_fit": f.held_out_fit,
                 "aic": f.aic,
                 "bic": f.bic,
+                "supported": f.supported,
                 "status": f.status,
             }
             for f in self.fits.values()

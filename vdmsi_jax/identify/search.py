@@ -1,10 +1,11 @@
 """The search over one pair of signals: where each order starts, and how orders help each other.
 
 Every order starts from equation-error fits, is refined, and is started again from its neighbours
-with one zero or one pole less, until no order gains: so FIT never falls where orders nest.
+with one zero or one pole less, until no order gains: so FIT never falls where orders nest. At last
+orders start at other delays and from neighbours with more.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
@@ -14,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from vdmsi_jax.identify.denominators import equal_poles, with_a_pole_less, with_pole
 from vdmsi_jax.identify.equation_error import equation_error
 from vdmsi_jax.identify.layout import Samples
 from vdmsi_jax.identify.pairs import promising_pairs
@@ -34,6 +36,10 @@ _GAIN = 1e-4  # relative fall of the residual for which an order's neighbours st
 _LANES = 10  # candidates simulated side by side: their signals fit the cache
 _SHORT = 50_000  # samples, up to which idle lanes cost less than another program to compile
 _DELAYS = 20  # of the grid over the delay
+_APART = 0.25  # samples between delays that are two
+_NEAR = 1.0  # samples to the next delay known, beyond which all orders start anew
+_ROOM = 1.05  # the same as `_PROMISING` of an order that is far behind a larger one
+_FEWER_LINES = 3  # where pairs have been tried before
 _MEMORY = 4e8  # bytes of signals that a batch may hold
 
 
@@ -78,7 +84,7 @@ class Search:
         if self.has_delay:
             delays = list(dict.fromkeys([*delays[:2], *self._look_over(delays)]))
         starts = [
-            Point(order, _filter(cutoff, order[0]), delay)
+            Point(order, equal_poles(cutoff, order[0]), delay)
             for delay in delays
             for cutoff in (_CUTOFFS if delay == delays[0] else _CUTOFFS[-1:])
             for order in self.orders
@@ -87,7 +93,9 @@ class Search:
             self._improve({}, self._run("equation_error", starts)), lines=_LINES, most=_STARTS
         )
 
-    def _look_over(self, delays: Sequence[float]) -> list[float]:
+    def _look_over(
+        self, delays: Sequence[float], cutoffs: Sequence[float] = _CUTOFFS
+    ) -> list[float]:
         """The best delays of an order of some freedom, on a grid up to the longest of `delays`.
 
         The loss over the delay has several minima, and a first-order response takes for delay what
@@ -96,13 +104,48 @@ class Search:
         freedom = [order for order in self.orders if order[1] <= 1 and order[0] <= 3]
         order = max(freedom or self.orders[:1])
         grid = np.linspace(0.0, min(1.2 * max(delays) + 2, float(self.longest)), _DELAYS)
-        starts = [Point(order, _filter(c, order[0]), d) for c in _CUTOFFS for d in grid]
+        starts = [Point(order, equal_poles(c, order[0]), d) for c in cutoffs for d in grid]
         judged = self._run("judge", self._run("equation_error", starts))
         return [p.d for p in sorted(judged, key=lambda point: point.cost)[:2]]
 
     def settle(self, points: Iterable[Point]) -> dict[tuple[int, int], Point]:
         """The best found for every order, from one point of each, which is near it."""
         return self._settle(self._improve({}, list(points)), lines=0, most=_AGAIN)
+
+    def look_elsewhere(
+        self, points: Iterable[Point], delays: Sequence[float]
+    ) -> dict[tuple[int, int], Point]:
+        """The best found for every order, also far from the one point of each that is known.
+
+        The loss over the delay has several minima, and which is the least differs between samples,
+        and between the ways to it. So orders start at the delays of each other with their own
+        poles, from neighbours with more, with a pair of poles more, and anew at `delays` (in
+        samples, the best first) and those that these samples show, where none is near. Such starts
+        cost a simulation each; refined are those that are better than what is known.
+        """
+        best = {point.order: point for point in points}
+        unfinished = {order for order, point in best.items() if not point.converged}
+        known = [point.d for point in best.values()]
+        looked = [*delays[:2], *self._look_over(delays, _CUTOFFS[-1:])]
+        anew = [
+            Point(order, equal_poles(_CUTOFFS[-1], order[0]), delay)
+            for delay in _apart([*known, *looked], _NEAR)
+            if delay not in known
+            for order in self.orders
+        ]
+        starts = self._run("equation_error", anew)
+        starts += self._with_pairs(best, set(best), _FEWER_LINES)
+        changed = set(best)
+        for _ in range(_ROUNDS):
+            before = best
+            starts += self._from_larger(best, changed) + self._at_delays(best, changed)
+            room = self._room(best)
+            best = self._improve(best, starts, most=_AGAIN, promising=room, again=unfinished)
+            changed = {o for o in self.orders if best[o].cost < before[o].cost * (1 - _GAIN)}
+            if not changed:
+                break
+            starts, unfinished = self._nested(best, changed, _FEWER_LINES), changed
+        return {o: replace(p, converged=o not in changed) for o, p in best.items()}
 
     def polish(self, points: Iterable[Point]) -> dict[tuple[int, int], Point]:
         """The best of every order next to one point of each, which a search on a part of these
@@ -145,14 +188,17 @@ class Search:
         candidates: list[Point],
         *,
         most: int = _STARTS,
+        promising: Mapping[tuple[int, int], float] | None = None,
         again: Iterable[tuple[int, int]] = (),
     ) -> dict[tuple[int, int], Point]:
         """Refine the `most` promising candidates of each order, the orders `again` also from their
-        best, and keep the better."""
+        best, and keep the better. A candidate is `promising` up to so many times the residual of
+        the best."""
         judged = [
             point
             for point in self._run("judge", candidates)
-            if point.order not in best or point.cost < best[point.order].cost * _PROMISING
+            if point.order not in best
+            or point.cost < best[point.order].cost * (promising or {}).get(point.order, _PROMISING)
         ]
         judged = sorted(judged + [best[o] for o in again], key=lambda point: point.cost)
         chosen: list[Point] = []
@@ -184,9 +230,48 @@ class Search:
                     sooner = 1.0 if smaller == (m, m) and self.has_delay else 0.0
                     delay = max(point.d - sooner, 0.0)
                     candidates += [
-                        Point((n, m), _with_pole(point.a, n - 1, p), delay) for p in new_poles
+                        Point((n, m), with_pole(point.a, n - 1, p), delay) for p in new_poles
                     ]
         return candidates + self._with_pairs(best, changed, lines)
+
+    def _room(self, best: dict[tuple[int, int], Point]) -> dict[tuple[int, int], float]:
+        """How much worse than the best of each order a start may be: as much as that is worse than
+        a neighbour with more, where it may have been passed by."""
+        room = {}
+        for n, m in self.orders:
+            around = [best[o].cost for o in ((n, m + 1), (n + 1, m)) if o in best]
+            room[n, m] = float(np.clip(best[n, m].cost / min(around, default=np.inf), 1.0, _ROOM))
+        return room
+
+    def _from_larger(
+        self, best: dict[tuple[int, int], Point], changed: set[tuple[int, int]]
+    ) -> list[Point]:
+        """Starts of each order from its neighbours with more that have changed: without the leading
+        coefficient of the numerator, or without a pole, whose lag is left out or becomes delay."""
+        longest = float(self.longest)
+        starts = []
+        for n, m in self.orders:
+            if (n, m + 1) in changed:
+                starts.append(Point((n, m), best[n, m + 1].a, best[n, m + 1].d))
+            for larger in ((n + 1, m), (n + 1, m + 1)):
+                if larger in changed:
+                    point = best[larger]
+                    for a, lag in with_a_pole_less(point.a, n + 1):
+                        late = min(point.d + lag / float(self.samples.dt), longest)
+                        starts += [Point((n, m), a, d) for d in dict.fromkeys((point.d, late))]
+        return starts
+
+    def _at_delays(
+        self, best: dict[tuple[int, int], Point], changed: set[tuple[int, int]]
+    ) -> list[Point]:
+        """Starts of each order with its own poles at the delays of those that have changed."""
+        delays = _apart([best[order].d for order in changed], _APART)
+        return [
+            Point(order, known.a, delay)
+            for order, known in best.items()
+            for delay in delays
+            if abs(delay - known.d) > _APART
+        ]
 
     def _with_pairs(
         self, best: dict[tuple[int, int], Point], changed: set[tuple[int, int]], lines: int
@@ -304,15 +389,13 @@ def _paired(point: Point, zeros: int, pole: complex) -> Point:
     return Point((n + 2, m + zeros), np.pad(a, (0, N_MAX - n - 2)), point.d)
 
 
-def _filter(cutoff: float, n: int) -> np.ndarray:
-    """Coefficients ascending of (s + cutoff)^n without the leading 1, padded to N_MAX."""
-    return np.pad(np.poly(np.full(n, -cutoff))[:0:-1], (0, N_MAX - n))
-
-
-def _with_pole(a: np.ndarray, n: int, pole: float) -> np.ndarray:
-    """Coefficients ascending of (s^n + ... + a_0) (s + pole), padded to N_MAX."""
-    product = np.convolve(np.append(a[:n], 1.0), [pole, 1.0])[: n + 1]
-    return np.pad(product, (0, N_MAX - n - 1))
+def _apart(delays: Iterable[float], least: float) -> list[float]:
+    """Those delays that lie `least` or more from all before them."""
+    kept: list[float] = []
+    for delay in delays:
+        if all(abs(delay - other) >= least for other in kept):
+            kept.append(delay)
+    return kept
 
 
 def _refined(points: Judged, orders: Order, samples: Samples, longest: Array) -> Judged:

@@ -61,6 +61,7 @@ def _plant(name: str, grid: OrderGrid) -> Section:
     blocks: list[Block] = [
         *([Text(ended(capital(grid.note)), kind="note")] if grid.note else []),
         Text(_choice(grid)),
+        *_left_out(grid),
         Picture(
             plots.to_svg(plots.order_grid(grid), f"{name}-grid"),
             "FIT and MSE of every order, fitted to all samples.",
@@ -91,13 +92,34 @@ def _plant(name: str, grid: OrderGrid) -> Section:
 
 
 def _choice(grid: OrderGrid) -> str:
+    """Which order is chosen by which rule, and the better ones that the rule leaves out."""
     rule = (
-        f"{grid.chosen} is the smallest order within {number(grid.fit_loss)} points of the best FIT"
+        f"Of the orders that the data support, {grid.chosen} is the smallest within "
+        f"{number(grid.fit_loss)} points of their best FIT"
     )
+    if not grid.best.supported:
+        rule = (
+            f"The data support no order that fits nearly as well; of all, {grid.chosen} is the "
+            f"smallest within {number(grid.fit_loss)} points of the best FIT"
+        )
     if grid.chosen_by_bic == grid.chosen:
-        return f"{rule}, and has the least BIC too."
-    other = grid[grid.chosen_by_bic]
-    return f"{rule}. {other.order} has the least BIC (FIT {percent(other.fit)})."
+        rule = f"{rule}, and has the least BIC too."
+    else:
+        other = grid[grid.chosen_by_bic]
+        rule = f"{rule}. {other.order} has the least BIC (FIT {percent(other.fit)})."
+    return rule
+
+
+def _left_out(grid: OrderGrid) -> list[Block]:
+    """The better orders that the data do not support, and why each is left out."""
+    if not grid.left_out:
+        return []
+    reasons = [
+        f"{fit.order} (FIT {percent(fit.fit)}): {'; '.join(fit.warnings or (fit.status,))}"
+        for fit in grid.left_out
+    ]
+    said = "Better in FIT, and left out since the data do not tell them from smaller models:"
+    return [Text(said), Bullets(reasons)]
 
 
 def _orders(grid: OrderGrid) -> Table:
@@ -110,12 +132,13 @@ def _orders(grid: OrderGrid) -> Table:
             number(fit.mse),
             number(fit.aic, 6),
             number(fit.bic, 6),
+            "yes" if fit.supported else "no" if fit.ok else "–",
             fit.status,
         ]
         for fit in fits
     ]
     return Table(
-        ["order", "FIT", "held-out FIT", "MSE", "AIC", "BIC", "status"],
+        ["order", "FIT", "held-out FIT", "MSE", "AIC", "BIC", "supported", "status"],
         rows,
         caption="All orders as a table",
         strong=[i for i, fit in enumerate(fits) if fit.order == grid.chosen],
