@@ -235,7 +235,9 @@ def _of_a_kind(
         words += f"; {100.0 * size:.1f} % of the response's spread"
     if known or size < SMALL:
         return [Unexplained(channel, kind.share, on, (), words, size=size, of_form=bool(known))]
-    return [Unexplained(channel, kind.share, on, (), words, puzzling=kind.share > _PUZZLING)]
+    borne_out = not causes or bool(np.isfinite(kind.held_out))  # or it weighs against no name
+    puzzling = kind.share > _PUZZLING and borne_out
+    return [Unexplained(channel, kind.share, on, (), words, puzzling=puzzling)]
 
 
 def _of_the_way(
