@@ -38,13 +38,8 @@ _PASTS = (3.0, 10.0, 30.0)  # s
 _LAGS = (0.1, 0.3, 1.0, 3.0)  # s
 _SWAYS = (0.05, 0.15, 0.5)  # s
 _WAVES, _FEWEST = 128, 16  # shapes, fewer in short logs
-_BANDWIDTH = (
-    1.6  # radians by which a shape turns, typically, over a standard deviation of all states
-)
-_SPANS, _EFFORTS = (
-    (0.3, 1.0, 3.0, 10.0),
-    (1.0, 5.0),
-)  # time constants of the plant, of what it remembers
+_BANDWIDTH = 1.6  # rad by which a shape turns over a standard deviation of all states, typically
+_SPANS, _EFFORTS = (0.3, 1.0, 3.0, 10.0), (1.0, 5.0)  # time constants of the plant, of its past
 _LOOPS = (0.08, 0.25)  # widths of plays that it remembers by, of the range
 _EACH = 15  # samples, at the least, for each weight
 _BETTER = (1.2, 20.0)  # times a cause's gain, and beyond, from which a kind tells it better
@@ -95,12 +90,14 @@ class Explained:
         held_out: twice the gain on data held out; infinite where there is none, or none is asked.
         share: of the squared error, where it was fitted or held out, whichever is less; of the
             innovations', where that is more and it is any function at all.
+        by_fit_alone: whether the fit is so plain that no data held out are asked.
     """
 
     family: Family
     statistic: float
     held_out: float
     share: float
+    by_fit_alone: bool = False
 
     def sure(self, least: float = _WORTH) -> bool:
         """Whether it is sure, borne out on data held out, and more than a share."""
@@ -232,13 +229,14 @@ def weighed(
         freer = _squares(e, np.concatenate([linear, family.features]), uses, dt, ridges)
         news = [u.sum() * np.log(a / b) for u, a, b in zip(uses, plain[0], freer[0], strict=True)]
         fitted = float(news[0]) - 2.0 * (freer[2] - plain[2])
-        parts = slice(None)
-        if family.causes is None and fitted > PLAIN:  # other data may be where no shape has learnt
-            news, parts = news[:1], slice(1)
-        share = _share(plain[1][parts], freer[1][parts])
+        # other data may be where no shape has learnt
+        alone = family.causes is None and fitted > PLAIN
+        asked = slice(1) if alone else slice(None)
+        share = _share(plain[1][asked], freer[1][asked])
         if family.causes is None:  # of what is fast, where most of the error is slow
-            share = max(share, _share(plain[0][parts], freer[0][parts]))
-        found.append(Explained(family, fitted, float(min(news[1:], default=np.inf)), float(share)))
+            share = max(share, _share(plain[0][asked], freer[0][asked]))
+        held = float(min(news[asked][1:], default=np.inf))
+        found.append(Explained(family, fitted, held, float(share), alone))
     return found
 
 

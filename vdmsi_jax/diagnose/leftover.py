@@ -13,8 +13,8 @@ from .body_search import BodyFinding, BodySearch
 from .colour import whiten
 from .disturbance import IMITATORS, demands, moving, scores
 from .families import PACE, Explained, Family, better_than, explained, of_body, of_plant, weighed
-from .found import Failed, Finding, Search
-from .hypothesis import responses
+from .found import Finding, Search
+from .hypothesis import Refit, responses
 from .judge import Scored
 from .lanes import LEADS
 from .result import Diagnosis, Unexplained
@@ -113,22 +113,19 @@ def stand_ins(
         stage, evenly = own.stage, _evenly(runs, spec)
         for finding in own.findings:
             cause = stage.slots[finding.number].cause
-            kinds = weighed(*asked(spec, stage, own.without(finding).y, evenly))
+            kinds = weighed(*_by_name(asked(spec, stage, own.without(finding).y, evenly)))
             better = better_than(cause, finding.gain, kinds)
             if better is not None:
                 found.append((finding, _instead(spec.output, cause, better)))
             elif _moves_alone(own, finding):
                 words = f"{PACE} would explain it better than {cause}"
-                share = max(
-                    Scored("", stage.y, finding.less.y, own.final.y, own.final.colour).taken(
-                        stage.mask
-                    ),
-                    0.0,
-                )
+                share = _took(stage, finding, own.final)
                 left = Unexplained(spec.output, share, (spec.output,), (), words, share > _PUZZLING)
                 found.append((finding, left))
     if bodily is not None and "r" in bodily.body.measured:
-        answers = {f: weighed(*asked_of_body(runs, bodily.body, f.less)) for f in bodily.findings}
+        answers = {
+            f: weighed(*_by_name(asked_of_body(runs, bodily.body, f.less))) for f in bodily.findings
+        }
         for doubted in (False, True):
             outdone = []
             for finding, kinds in answers.items():
@@ -141,6 +138,12 @@ def stand_ins(
             answers = {f: kinds for f, kinds in answers.items() if f not in dict(outdone)}
             found += outdone
     return found
+
+
+def _by_name(question: Question) -> Question:
+    """The same, of the kinds that have a name alone."""
+    e, linear, families, mask, held_out, dt = question
+    return e, linear, [f for f in families if f.causes is not None], mask, held_out, dt
 
 
 def _moves_alone(own: Search, finding: Finding) -> bool:
@@ -173,10 +176,10 @@ def _broken(label: str, channel: str, fraction: float) -> Unexplained:
     return Unexplained(channel, fraction, ("run",), (), words, puzzling=fraction > _PUZZLING)
 
 
-def _failed(stage: Stage, failed: Failed) -> float:
-    """Share of the squared error that a cause took where it was fitted."""
-    less, final = failed.finding.less, failed.final
-    return max(Scored("", stage.y, less.y, final.y, final.colour).taken(stage.mask), 0.0)
+def _took(stage: Stage, finding: Finding, final: Refit) -> float:
+    """Share of the squared error that a cause takes in a model where that was fitted."""
+    scored = Scored("", stage.y, finding.less.y, final.y, final.colour)
+    return max(scored.taken(stage.mask), 0.0)
 
 
 def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
@@ -205,7 +208,7 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     for failed in own.failed:
         slot = stage.slots[failed.finding.number]
         label = f"{slot.cause} ({slot.where})"
-        fraction = _failed(stage, failed)
+        fraction = _took(stage, failed.finding, failed.final)
         if slot.cause in drawn:
             continue
         if slot.weight < FREE and failed.finding.gain > _LOUD and fraction > _SEEN:
@@ -235,8 +238,7 @@ def _of_a_kind(
         words += f"; {100.0 * size:.1f} % of the response's spread"
     if known or size < SMALL:
         return [Unexplained(channel, kind.share, on, (), words, size=size, of_form=bool(known))]
-    borne_out = not causes or bool(np.isfinite(kind.held_out))  # or it weighs against no name
-    puzzling = kind.share > _PUZZLING and borne_out
+    puzzling = kind.share > _PUZZLING and not (causes and kind.by_fit_alone)
     return [Unexplained(channel, kind.share, on, (), words, puzzling=puzzling)]
 
 

@@ -210,9 +210,8 @@ def _smaller(stage: Stage, grid: Mapping[tuple[int, int], Refit], plain: Refit) 
 def _afresh(stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]) -> list[Hypothesis]:
     """Causes that are not reached from the best plain plant."""
     plants = [plain, *_smaller(stage, grid, plain)[:1]]
-    of_one_pole = [*bent(stage, grid[1, 0]), *delayed(stage, grid[1, 0])]
-    of_one_pole += dragged(stage, grid)
-    return [*of_one_pole, *(h for p in plants for h in scanned(stage, p))]
+    small = [*bent(stage, grid[1, 0]), *delayed(stage, grid[1, 0]), *dragged(stage, grid)]
+    return [*small, *(h for p in plants for h in scanned(stage, p))]
 
 
 def eliminate(

@@ -92,7 +92,7 @@ def _plant(name: str, grid: OrderGrid) -> Section:
 
 
 def _choice(grid: OrderGrid) -> str:
-    """Which order is chosen by which rule, and the better ones that the rule leaves out."""
+    """Which order is chosen by which rule."""
     rule = (
         f"Of the orders that the data support, {grid.chosen} is the smallest within "
         f"{number(grid.fit_loss)} points of their best FIT"
@@ -103,11 +103,9 @@ def _choice(grid: OrderGrid) -> str:
             f"smallest within {number(grid.fit_loss)} points of the best FIT"
         )
     if grid.chosen_by_bic == grid.chosen:
-        rule = f"{rule}, and has the least BIC too."
-    else:
-        other = grid[grid.chosen_by_bic]
-        rule = f"{rule}. {other.order} has the least BIC (FIT {percent(other.fit)})."
-    return rule
+        return f"{rule}, and has the least BIC too."
+    other = grid[grid.chosen_by_bic]
+    return f"{rule}. {other.order} has the least BIC (FIT {percent(other.fit)})."
 
 
 def _left_out(grid: OrderGrid) -> list[Block]:
