@@ -148,6 +148,30 @@ def test_a_constant_command_is_refused(vdmsi, tmp_path):
     assert "v_cmd" in refused(vdmsi("identify", tmp_path / "log.csv", "--out", tmp_path))
 
 
+def test_a_refused_plant_is_told_beside_a_good_one(here, tmp_path):
+    still = {name: np.zeros(200) if name == "v" else x for name, x in drive().items()}
+    log = write_csv(tmp_path / "still.csv", still)
+    (tmp_path / "vehicle.toml").write_text("[identify]\npoles = [1]\nzeros = [0]\n")
+    done = here("identify", log, "--out", tmp_path / "out")
+    assert done.returncode == 0 and "powertrain" not in done.stdout
+    told = done.stderr.strip()
+    assert told.startswith(f"vdmsi: powertrain was not identified: {log}: v: ")
+    assert told.count("\n") == 0
+    document = json.loads((tmp_path / "out" / "identify.json").read_text())
+    assert list(document["plants"]) == ["steering"]
+    assert told.endswith(document["refused"]["powertrain"])
+    report = (tmp_path / "out" / "report.html").read_text()
+    assert "Powertrain was not identified" in report and "zero in all 200 samples" in report
+
+
+def test_where_all_plants_are_refused_each_says_why(here, tmp_path):
+    constant = {n: x if n in ("t", "v", "delta") else np.ones(200) for n, x in drive().items()}
+    log = write_csv(tmp_path / "const.csv", constant)
+    told = refused(here("identify", log, "--out", tmp_path / "out"))
+    for channel, plant in (("v_cmd", "powertrain"), ("delta_cmd", "steering")):
+        assert f"{log}: {channel}: the command of {plant} is 1 in all 200 samples" in told
+
+
 def test_without_a_configuration_whole_runs_of_three_are_held_out(tmp_path, monkeypatch):
     asked = []
 
@@ -216,7 +240,7 @@ def test_simulate_writes_scores_trajectories_and_a_report(identified, vdmsi, tmp
     document = json.loads((results / "simulation.json").read_text())
     assert document["schema"] == "vdmsi.simulation/1"
     for run, log in zip(document["runs"], ("bend", "s_curve"), strict=True):
-        assert Path(run["log"]).stem == log
+        assert run["log"] == f"{log}.csv"
         assert {"fit", "mse"} == set(run["channels"]["v"])
         for statistic in ("max", "mean", "rmse"):  # identified actuators halve the error at least
             assert 0.0 < run["vdm_si"]["ate"][statistic] < 0.5 * run["vdm"]["ate"][statistic]

@@ -57,24 +57,24 @@ def identify(
 
     from . import terminal
     from .identify.document import identify_document
-    from .identify.vehicle import each_plant
+    from .identify.vehicle import each_plant, none_identified
 
     with terminal.working("identifying"):
         found = dict(each_plant(records, options=options))
     refused = {name: why for name, why in found.items() if isinstance(why, InputError)}
     grids = {name: grid for name, grid in found.items() if not isinstance(grid, InputError)}
     if not grids:
-        raise next(iter(refused.values()))
-    write_json(out / "identify.json", identify_document(grids, records))
+        raise none_identified(refused)
+    write_json(out / "identify.json", identify_document(grids, records, refused))
     terminal.show_grids(grids)
     for name, why in refused.items():
-        terminal.OUT.print(f"{name} was not identified: {why}", soft_wrap=True)
+        print(f"vdmsi: {name} was not identified: {why}", file=sys.stderr)
     if report:
         with terminal.working("drawing the report"):
             from .report.identification import identification_page
             from .report.page import render
 
-            write_text(out / "report.html", render(identification_page(grids, records)))
+            write_text(out / "report.html", render(identification_page(grids, records, refused)))
         terminal.OUT.print(f"report: {out / 'report.html'}", soft_wrap=True)
 
 

@@ -56,7 +56,7 @@ def compare(record: Record, model: Model, *, window: float = 20.0) -> Comparison
     if not plants:
         asked = ", ".join(sorted({plant.spec.input for plant in model.plants.values()}))
         problem = f"has none of the model's commands ({asked})"
-        raise InputError(record.name, "channels", problem, "name them in [columns]")
+        raise InputError(record.source, "channels", problem, "name them in [columns]")
     present = replace(model, plants=plants, vehicle=record.vehicle or model.vehicle)
     predictions, moved, kind = {}, {}, Kind.VDM
     for kind in Kind if present.extended else (Kind.VDM, Kind.VDM_SI):

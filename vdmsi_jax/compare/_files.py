@@ -41,7 +41,7 @@ def simulation_document(comparisons: Sequence[Comparison]) -> dict[str, Any]:
 def _run(comparison: Comparison) -> dict[str, Any]:
     last = list(comparison.predictions.values())[-1]
     return {
-        "log": comparison.record.name,
+        "log": comparison.record.log,
         "channels": _scores(last),
         "window": comparison.window,
         "floor": None if comparison.floor is None else _model(comparison.floor),
