@@ -118,6 +118,22 @@ def test_a_commanded_curvature_becomes_a_steering_angle(tmp_path, point):
         read_log(path, Config(units={"delta_cmd": "1/m"}))
 
 
+def test_curvatures_that_cannot_be_driven_are_cut_and_told(tmp_path):
+    columns = drive()
+    curvature = columns["delta_cmd"] * 10
+    curvature[50:57] = [20.0, -20.0, 50.0, 50.0, 50.0, 50.0, 50.0]
+    path = write_csv(tmp_path / "run.csv", columns | {"delta_cmd": curvature})
+    config = Config(vehicle=VehicleGeometry(0.08, 0.07), units={"delta_cmd": "1/m"})
+    log = read_log(path, config)
+    (told,) = log.repairs
+    assert told.startswith("cut delta_cmd in 7 rows to the sharpest curvature")
+    sharpest = np.arctan(0.15 * 0.95 / 0.07 / np.sqrt(1.0 - 0.95**2))
+    assert log["delta_cmd"][50] == log["delta_cmd"].max() == pytest.approx(sharpest)
+    assert log["delta_cmd"][51] == pytest.approx(-sharpest)
+    rear = Config(vehicle=VehicleGeometry(0.08, 0.07, "rear_axle"), units={"delta_cmd": "1/m"})
+    assert read_log(path, rear).repairs == ()
+
+
 def test_headings_are_unwrapped(tmp_path):
     true = np.linspace(0.0, 20.0, 200)
     wrapped = (true + np.pi) % (2 * np.pi) - np.pi

@@ -75,6 +75,12 @@ def prepare(raw: Raw, config: Config, windows: Mapping[str, float] | None = None
     mend_missing(rows, config, gap)
     cut_warm_up(rows, config)
     cut_gaps(rows, gap)
+    for name, sharp in raw.sharp.items():
+        if sharp[rows.index].any():
+            rows.told.append(
+                f"cut {name} in {counted(sharp[rows.index], 'row')} to the sharpest curvature that "
+                f"the reference point can follow"
+            )
     for name, values in raw.channels.items():
         place = f"column {raw.columns[name]!r}"
         refuse_absurd(raw.source, place, values[rows.index])

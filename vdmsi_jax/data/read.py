@@ -15,7 +15,7 @@ from ..config import CANONICAL, STEERING_CHANNELS, Config, allowed_quantities, l
 from ..errors import InputError, nearest
 from ..units import si_symbol, unit
 from .csv_table import CsvTable
-from .derive import steering_from_curvature
+from .derive import sharpest_curvature, steering_from_curvature
 from .expressions import Expression, parse
 from .mend import Raw
 from .npz_table import NpzTable
@@ -60,7 +60,8 @@ def _read(path: Path, config: Config, windows: Mapping[str, float]) -> Record:
     if run is not None and run not in numbers:
         texts.add(run)
     read = table.read(numbers=numbers, texts=texts)
-    channels = {channel: _to_si(channel, read[name], config) for channel, name in columns.items()}
+    logged = {channel: _to_si(channel, read[name], config) for channel, name in columns.items()}
+    channels = {channel: _as_angle(channel, x, config) for channel, x in logged.items()}
     raw = Raw(
         name=path.stem,
         source=str(path),
@@ -71,6 +72,11 @@ def _read(path: Path, config: Config, windows: Mapping[str, float]) -> Record:
         keep=None if where is None else np.broadcast_to(where(read), table.rows).astype(bool),
         columns=columns,
         line=table.line,
+        sharp={
+            channel: np.abs(logged[channel]) > sharpest_curvature(config.vehicle)
+            for channel in channels
+            if _is_curvature(channel, config) and config.vehicle is not None
+        },
     )
     return prepare(raw, config, windows)
 
@@ -246,14 +252,21 @@ def _quantity(channel: str, config: Config) -> str:
 
 
 def _to_si(channel: str, values: np.ndarray, config: Config) -> np.ndarray:
-    """Unit and sign; a steering channel that was logged as curvature becomes a road-wheel angle."""
-    measured = _unit(channel, config)
-    factor = measured.to_si * config.sign.get(channel, 1.0)
-    values = values if factor == 1.0 else values * factor
-    if channel in STEERING_CHANNELS and measured.quantity == "curvature":
-        if config.vehicle is None:
-            problem = "a curvature needs the wheelbase to become an angle"
-            mend = "give [vehicle] l_f and l_r"
-            raise InputError(config.source, f"[units] {channel}", problem, mend)
-        return steering_from_curvature(values, config.vehicle)
-    return values
+    """Unit and sign."""
+    factor = _unit(channel, config).to_si * config.sign.get(channel, 1.0)
+    return values if factor == 1.0 else values * factor
+
+
+def _is_curvature(channel: str, config: Config) -> bool:
+    return channel in STEERING_CHANNELS and _unit(channel, config).quantity == "curvature"
+
+
+def _as_angle(channel: str, values: np.ndarray, config: Config) -> np.ndarray:
+    """A steering channel that was logged as curvature as road-wheel angle; others as they are."""
+    if not _is_curvature(channel, config):
+        return values
+    if config.vehicle is None:
+        problem = "a curvature needs the wheelbase to become an angle"
+        mend = "give [vehicle] l_f and l_r"
+        raise InputError(config.source, f"[units] {channel}", problem, mend)
+    return steering_from_curvature(values, config.vehicle)
