@@ -123,6 +123,7 @@ def test_version(vdmsi):
         (["simulate", "LOG", "LOG", "--out", "OUT", "--window", "-1"], "--window"),
         (["sweep", "no.toml", "--out", "OUT"], "no.toml"),
         (["sweep", "VEHICLE", "--out", "OUT"], "[sweep]"),
+        (["sweep", "SWEEP", "--out", "OUT"], "sweep.toml: [sweep] runs 2 log: there is no such"),
     ],
 )
 def test_what_is_wrong_is_told_in_one_line(vdmsi, tmp_path, arguments, told):
@@ -130,7 +131,10 @@ def test_what_is_wrong_is_told_in_one_line(vdmsi, tmp_path, arguments, told):
         "LOG": DEMO / "bend.csv",
         "OUT": tmp_path / "out",
         "VEHICLE": DEMO / "vehicle.toml",
+        "SWEEP": tmp_path / "sweep.toml",
     }
+    runs = f'[sweep]\nruns = [{{ log = "{DEMO / "bend.csv"}" }}, {{ log = "nolog.csv" }}]\n'
+    names["SWEEP"].write_text(runs)
     assert told in refused(vdmsi(*(names.get(a, a) for a in arguments)))
 
 
@@ -293,6 +297,19 @@ def test_simulate_takes_a_model_with_effects(vdmsi, tmp_path):
     assert np.loadtxt(out / "bend.extended.tum").shape[1] == 8
     html = (out / "report.html").read_text()
     assert "VDM, VDM-SI and extended" in html and html.count("<svg") == 3
+
+
+def test_a_model_that_runs_away_is_told(here, tmp_path):
+    unstable = json.loads(json.dumps(EXTENDED)) | {"body": [], "sensors": []}
+    plant = {"input": "delta_cmd", "output": "delta", "num": [50.0], "den": [1.0, -50.0]}
+    unstable["plants"]["steering"] = plant
+    (tmp_path / "model.json").write_text(json.dumps(unstable))
+    out = tmp_path / "out"
+    done = here("simulate", tmp_path / "model.json", DEMO / "bend.csv", "--out", out)
+    assert done.returncode == 0, done.stderr
+    assert "bend: VDM-SI: The trajectory is not finite" in done.stdout.replace("\n", " ")
+    assert "nan" not in done.stdout
+    assert "runs away" in (out / "report.html").read_text()
 
 
 def test_a_model_with_a_wrong_effect_is_refused(vdmsi, tmp_path):

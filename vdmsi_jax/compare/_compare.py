@@ -88,7 +88,9 @@ def compare(record: Record, model: Model, *, window: float = 20.0) -> Comparison
         with_measured={
             "v": driven("measured v", kind, v, moved["delta"]),
             "delta": driven("measured delta", kind, moved["v"], delta),
-        },
+        }
+        if predictions[kind.value].ok
+        else {},
     )
 
 

@@ -90,9 +90,14 @@ class Prediction:
     relative: RelativeErrors | None = None
 
     @property
+    def ok(self) -> bool:
+        """Whether the simulation succeeded."""
+        return self.status == SUCCESSFUL
+
+    @property
     def has_path(self) -> bool:
         """Whether it says where the vehicle went."""
-        return self.status == SUCCESSFUL and has_pose(self.channels)
+        return self.ok and has_pose(self.channels)
 
 
 @dataclass(frozen=True)
@@ -107,7 +112,7 @@ class Comparison:
             actuators can take away. None where a path or a response was not measured.
         with_measured: of the last model, by `v` and `delta`, the motion with that response as it
             was measured and the other as predicted: where that is nearer to the measured path, the
-            actuator's model is what is wrong. Empty where `floor` is None.
+            actuator's model is what is wrong. Empty where `floor` is None or that model fails.
     """
 
     record: Record

@@ -144,7 +144,7 @@ class CsvTable(Table):
     def _refuse_text(self, name: str, cells: tuple[str, ...], lines: list[int]) -> None:
         for number, cell in zip(lines, cells, strict=True):
             if cell and not _is_number(cell):
-                mend = "mend the cell, or leave it empty"
+                mend = 'mend the cell, or empty it and set [prepare] missing = "gap"'
                 if "," in cell:
                     mend = "write numbers with a decimal point"
                 place = f"line {number}, column {name!r}"
