@@ -111,7 +111,12 @@ def test_version(vdmsi):
     ("arguments", "told"),
     [
         ([], "identify"),
-        (["idntify"], "identify"),
+        (["idntify"], "idntify: there is no such command; did you mean 'identify'?"),
+        (
+            ["identify", "x", "--confg", "y"],
+            "--confg: there is no such option; did you mean '--config",
+        ),
+        (["simulate", "m", "x", "--no-reprt", "--out", "OUT"], "did you mean '--no-report'?"),
         (["identify", "run.csv"], "--out"),
         (["identify", "run.csv", "--out", "OUT", "--nosuch"], "--nosuch"),
         (["identify", "--out", "OUT"], "no log"),
@@ -135,7 +140,8 @@ def test_what_is_wrong_is_told_in_one_line(vdmsi, tmp_path, arguments, told):
     }
     runs = f'[sweep]\nruns = [{{ log = "{DEMO / "bend.csv"}" }}, {{ log = "nolog.csv" }}]\n'
     names["SWEEP"].write_text(runs)
-    assert told in refused(vdmsi(*(names.get(a, a) for a in arguments)))
+    said = refused(vdmsi(*(names.get(a, a) for a in arguments)))
+    assert told in said and len(said) < 400
 
 
 def test_an_unknown_key_is_answered_with_the_nearest_right_one(vdmsi, tmp_path):
@@ -310,6 +316,10 @@ def test_a_model_that_runs_away_is_told(here, tmp_path):
     assert "bend: VDM-SI: The trajectory is not finite" in done.stdout.replace("\n", " ")
     assert "nan" not in done.stdout
     assert "runs away" in (out / "report.html").read_text()
+    asked = ["simulate", tmp_path / "model.json", DEMO / "bend.csv", "--out", out, "--no-report"]
+    assert "report.html is older than these results" in here(*asked).stdout.replace("\n", " ")
+    (out / "report.html").unlink()
+    assert "older" not in here(*asked).stdout
 
 
 def test_a_model_with_a_wrong_effect_is_refused(vdmsi, tmp_path):

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
@@ -166,6 +167,12 @@ def show_diagnosis(diagnosis: "Diagnosis") -> None:
 def _say(text: str) -> None:
     """A sentence as it is, brackets and all."""
     OUT.print(text, soft_wrap=True, markup=False)
+
+
+def tell_older_report(out: Path) -> None:
+    """Say that the report in a folder is not that of the results that were just written."""
+    if (out / "report.html").exists():
+        _say(f"{out / 'report.html'} is older than these results: it is of an earlier run")
 
 
 def show_sweep(rows: Sequence[Mapping[str, Any]]) -> None:

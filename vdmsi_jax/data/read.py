@@ -13,7 +13,7 @@ import numpy as np
 
 from ..config import CANONICAL, STEERING_CHANNELS, Config, allowed_quantities, load_config
 from ..errors import InputError, nearest
-from ..units import si_symbol, unit
+from ..units import bracketed, si_symbol, unit
 from .csv_table import CsvTable
 from .derive import sharpest_curvature, steering_from_curvature
 from .expressions import Expression, parse
@@ -187,7 +187,7 @@ def config_of(path: str | Path, config: str | Path | Config | None = None) -> Co
 
 def _columns(config: Config, names: Sequence[str], path: Path) -> dict[str, str]:
     """Which column of the file each channel is: those that the configuration names, and canonical
-    ones by their name."""
+    ones by their name, behind which their unit may stand in brackets."""
     for channel, name in config.columns.items():
         if name not in names:
             place = f"[columns] {channel}" if config.path else f"column {name}"
@@ -197,6 +197,11 @@ def _columns(config: Config, names: Sequence[str], path: Path) -> dict[str, str]
     columns = {channel: channel for channel in plain if channel in names} | dict(config.columns)
     taken = list(config.columns.values())
     columns = {c: n for c, n in columns.items() if c in config.columns or n not in taken}
+    for name in names:
+        channel, written = bracketed(name) or ("", "")
+        if channel in plain and channel not in columns and name not in taken:
+            _check_written(channel, written, name, config, path)
+            columns[channel] = name
     if "t" not in columns:
         mend = f'name the time column with [columns] t = "..."; {nearest("t", names)}'
         raise InputError(str(path), "column 't'", "is missing", mend)
@@ -205,6 +210,20 @@ def _columns(config: Config, names: Sequence[str], path: Path) -> dict[str, str]
         mend = f"name channels in [columns]; {nearest('v', names)}"
         raise InputError(str(path), "header", problem, mend)
     return columns
+
+
+def _check_written(channel: str, written: str, name: str, config: Config, path: Path) -> None:
+    """Refuse a column that says to be in another unit than the channel is read in."""
+    own = _unit(channel, config)
+    try:
+        fits = unit(written, source=str(path), place=name) == own
+    except InputError:
+        fits = False
+    if not fits:
+        said = config.units.get(channel) or si_symbol(own.quantity)
+        place, problem = f"column {name!r}", f"says {written!r}, and {channel} is read in {said}"
+        mend = f'set [columns] {channel} = "{name}" and its unit, [units] {channel} = "..."'
+        raise InputError(str(path), place, problem, mend)
 
 
 def _where(config: Config) -> Expression | None:
