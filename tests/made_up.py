@@ -107,12 +107,7 @@ def comparison() -> Comparison:
 
     def errors(size: float) -> PoseErrors:
         distance = size * log.t / log.t[-1]
-        ate = {
-            "max": float(distance.max()),
-            "mean": float(distance.mean()),
-            "rmse": float(np.sqrt(np.mean(distance**2))),
-        }
-        return PoseErrors(distance, 0.01 * distance, ate)
+        return PoseErrors(distance, 0.01 * distance)
 
     def prediction(name: str, size: float, delta: np.ndarray, score: float) -> Prediction:
         bend = size * log.t / log.t[-1]

@@ -111,7 +111,12 @@ def test_version(vdmsi):
     ("arguments", "told"),
     [
         ([], "identify"),
-        (["idntify"], "identify"),
+        (["idntify"], "idntify: there is no such command; did you mean 'identify'?"),
+        (
+            ["identify", "x", "--confg", "y"],
+            "--confg: there is no such option; did you mean '--config",
+        ),
+        (["simulate", "m", "x", "--no-reprt", "--out", "OUT"], "did you mean '--no-report'?"),
         (["identify", "run.csv"], "--out"),
         (["identify", "run.csv", "--out", "OUT", "--nosuch"], "--nosuch"),
         (["identify", "--out", "OUT"], "no log"),
@@ -123,6 +128,7 @@ def test_version(vdmsi):
         (["simulate", "LOG", "LOG", "--out", "OUT", "--window", "-1"], "--window"),
         (["sweep", "no.toml", "--out", "OUT"], "no.toml"),
         (["sweep", "VEHICLE", "--out", "OUT"], "[sweep]"),
+        (["sweep", "SWEEP", "--out", "OUT"], "sweep.toml: [sweep] runs 2 log: there is no such"),
     ],
 )
 def test_what_is_wrong_is_told_in_one_line(vdmsi, tmp_path, arguments, told):
@@ -130,8 +136,12 @@ def test_what_is_wrong_is_told_in_one_line(vdmsi, tmp_path, arguments, told):
         "LOG": DEMO / "bend.csv",
         "OUT": tmp_path / "out",
         "VEHICLE": DEMO / "vehicle.toml",
+        "SWEEP": tmp_path / "sweep.toml",
     }
-    assert told in refused(vdmsi(*(names.get(a, a) for a in arguments)))
+    runs = f'[sweep]\nruns = [{{ log = "{DEMO / "bend.csv"}" }}, {{ log = "nolog.csv" }}]\n'
+    names["SWEEP"].write_text(runs)
+    said = refused(vdmsi(*(names.get(a, a) for a in arguments)))
+    assert told in said and len(said) < 400
 
 
 def test_an_unknown_key_is_answered_with_the_nearest_right_one(vdmsi, tmp_path):
@@ -146,6 +156,30 @@ def test_a_constant_command_is_refused(vdmsi, tmp_path):
     rows = "\n".join(f"{time:.2f},1,{v:.3f}" for time, v in zip(t, np.sin(t), strict=True))
     (tmp_path / "log.csv").write_text(f"t,v_cmd,v\n{rows}\n")
     assert "v_cmd" in refused(vdmsi("identify", tmp_path / "log.csv", "--out", tmp_path))
+
+
+def test_a_refused_plant_is_told_beside_a_good_one(here, tmp_path):
+    still = {name: np.zeros(200) if name == "v" else x for name, x in drive().items()}
+    log = write_csv(tmp_path / "still.csv", still)
+    (tmp_path / "vehicle.toml").write_text("[identify]\npoles = [1]\nzeros = [0]\n")
+    done = here("identify", log, "--out", tmp_path / "out")
+    assert done.returncode == 0 and "powertrain" not in done.stdout
+    told = done.stderr.strip()
+    assert told.startswith(f"vdmsi: powertrain was not identified: {log}: v: ")
+    assert told.count("\n") == 0
+    document = json.loads((tmp_path / "out" / "identify.json").read_text())
+    assert list(document["plants"]) == ["steering"]
+    assert told.endswith(document["refused"]["powertrain"])
+    report = (tmp_path / "out" / "report.html").read_text()
+    assert "Powertrain was not identified" in report and "zero in all 200 samples" in report
+
+
+def test_where_all_plants_are_refused_each_says_why(here, tmp_path):
+    constant = {n: x if n in ("t", "v", "delta") else np.ones(200) for n, x in drive().items()}
+    log = write_csv(tmp_path / "const.csv", constant)
+    told = refused(here("identify", log, "--out", tmp_path / "out"))
+    for channel, plant in (("v_cmd", "powertrain"), ("delta_cmd", "steering")):
+        assert f"{log}: {channel}: the command of {plant} is 1 in all 200 samples" in told
 
 
 def test_without_a_configuration_whole_runs_of_three_are_held_out(tmp_path, monkeypatch):
@@ -216,7 +250,7 @@ def test_simulate_writes_scores_trajectories_and_a_report(identified, vdmsi, tmp
     document = json.loads((results / "simulation.json").read_text())
     assert document["schema"] == "vdmsi.simulation/1"
     for run, log in zip(document["runs"], ("bend", "s_curve"), strict=True):
-        assert Path(run["log"]).stem == log
+        assert run["log"] == f"{log}.csv"
         assert {"fit", "mse"} == set(run["channels"]["v"])
         for statistic in ("max", "mean", "rmse"):  # identified actuators halve the error at least
             assert 0.0 < run["vdm_si"]["ate"][statistic] < 0.5 * run["vdm"]["ate"][statistic]
@@ -269,6 +303,23 @@ def test_simulate_takes_a_model_with_effects(vdmsi, tmp_path):
     assert np.loadtxt(out / "bend.extended.tum").shape[1] == 8
     html = (out / "report.html").read_text()
     assert "VDM, VDM-SI and extended" in html and html.count("<svg") == 3
+
+
+def test_a_model_that_runs_away_is_told(here, tmp_path):
+    unstable = json.loads(json.dumps(EXTENDED)) | {"body": [], "sensors": []}
+    plant = {"input": "delta_cmd", "output": "delta", "num": [50.0], "den": [1.0, -50.0]}
+    unstable["plants"]["steering"] = plant
+    (tmp_path / "model.json").write_text(json.dumps(unstable))
+    out = tmp_path / "out"
+    done = here("simulate", tmp_path / "model.json", DEMO / "bend.csv", "--out", out)
+    assert done.returncode == 0, done.stderr
+    assert "bend: VDM-SI: The trajectory is not finite" in done.stdout.replace("\n", " ")
+    assert "nan" not in done.stdout
+    assert "runs away" in (out / "report.html").read_text()
+    asked = ["simulate", tmp_path / "model.json", DEMO / "bend.csv", "--out", out, "--no-report"]
+    assert "report.html is older than these results" in here(*asked).stdout.replace("\n", " ")
+    (out / "report.html").unlink()
+    assert "older" not in here(*asked).stdout
 
 
 def test_a_model_with_a_wrong_effect_is_refused(vdmsi, tmp_path):

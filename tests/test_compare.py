@@ -18,6 +18,7 @@ from vdmsi_jax.errors import InputError
 from vdmsi_jax.model_file import Model, Plant
 from vdmsi_jax.models.extended_plant import ExtendedPlant
 from vdmsi_jax.models.transfer_function import TransferFunction
+from vdmsi_jax.report.page import render
 from vdmsi_jax.report.simulation import simulation_page
 from vdmsi_jax.simulate import Commands, Start, simulate
 
@@ -91,6 +92,7 @@ def test_windows_start_anew_at_the_measured_pose(model):
     samples = round(window / DT)
     for start in range(0, log.n, samples):
         assert vdm.windows.translation[start] == pytest.approx(0.0, abs=1e-12)
+        assert vdm.windows.heading[start] == pytest.approx(0.0, abs=1e-12)
         alone = compare(log.between(start * DT, (start + samples) * DT), model)
         np.testing.assert_allclose(
             vdm.windows.translation[start : start + samples],
@@ -104,7 +106,39 @@ def test_every_segment_starts_at_its_own_measured_pose(model):
     both = compare(Record.concatenate(parts), model).predictions["VDM"]
     alone = [compare(part, model).predictions["VDM"].whole.translation for part in parts]
     np.testing.assert_allclose(both.whole.translation, np.concatenate(alone), atol=1e-9)
-    assert both.aligned is None, "one rigid motion for two runs means nothing"
+
+
+def test_stretches_between_gaps_are_told_as_such_and_scored_one_by_one(model):
+    whole = record(drive())
+    torn = whole.select([Segment(0, 1200), Segment(1300, 2000)])
+    comparison = compare(torn, model)
+    vdm = comparison.predictions["VDM"]
+    alone = [compare(torn.select([s]), model).predictions["VDM"] for s in torn.segments]
+    sizes = np.array([1200, 700])
+    mean = np.average([own.aligned["mean"] for own in alone], weights=sizes)
+    assert vdm.aligned["mean"] == pytest.approx(mean)
+    assert vdm.aligned["mean"] < vdm.whole.ate["mean"]
+    heading = np.average([own.whole.turned["mean"] for own in alone], weights=sizes)
+    assert vdm.whole.turned["mean"] == pytest.approx(heading)
+    assert vdm.relative.distance == alone[0].relative.distance, "a tenth of the longest"
+    assert vdm.relative.translation["max"] >= alone[0].relative.translation["max"] - 1e-9
+    html = render(simulation_page([comparison]))
+    assert "each stretch, from its start" in html and "each stretch, aligned" in html
+    assert "whole run" not in html and "over every" in html
+    assert "heading error (rad)" in html and "part the log into 2 stretches" in html
+    told = simulation_document([comparison])["runs"][0]
+    assert told["segments"] == 2 and told["vdm"]["relative"]["heading"]["max"] > 0.0
+    assert set(told["vdm"]["heading"]) == set(told["vdm"]["ate_aligned"]) == {"max", "mean", "rmse"}
+    page = render(simulation_page([compare(whole, model)]))
+    assert "whole run, aligned" in page and "stretch" not in page
+
+
+@pytest.mark.parametrize(("rows", "windows"), [(700, 1), (740, 1), (750, 2), (300, 1), (1260, 3)])
+def test_what_is_shorter_than_half_a_window_is_none_of_its_own(model, rows, windows):
+    log = record(drive()).select([Segment(0, rows)])
+    vdm = compare(log, model, window=10.0).predictions["VDM"]
+    anchored = np.flatnonzero(vdm.windows.translation < 1e-12)
+    assert sum(start in anchored for start in range(0, rows, 500)) == windows
 
 
 def test_the_floor_is_what_the_bicycle_gets_wrong(model):

@@ -8,7 +8,7 @@ import pytest
 
 FOLDER = Path(__file__).parents[1] / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
-FIGURES = {"01_identify": 6, "02_name_the_cause": 3, "03_paper": 5}
+FIGURES = {"01_identify": 7, "02_name_the_cause": 3, "03_paper": 5}
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from vdmsi_jax import metrics
+from vdmsi_jax.config import PlantSpec, VehicleGeometry
 from vdmsi_jax.data.record import Record, Segment
 from vdmsi_jax.errors import InputError
+from vdmsi_jax.model_file import Model, Plant
 from vdmsi_jax.models.bicycle import Bicycle
 from vdmsi_jax.models.following import FollowedAtOnce, RateLimited
 from vdmsi_jax.models.transfer_function import TransferFunction
@@ -243,6 +245,10 @@ def test_a_record_gives_its_own_commands():
     path = simulate(VEHICLES["VDM-SI"], record, START)
     assert largest_difference(path, simulate(VEHICLES["VDM-SI"], drive, START)) == 0.0
     np.testing.assert_allclose(path.t, record.t, rtol=1e-14)
+    lag = Plant(PlantSpec("steering", "delta_cmd", "delta"), TransferFunction([5.0], [1.0, 5.0]))
+    model = Model({"steering": lag}, VehicleGeometry(1.0, 1.2))
+    described = simulate(model.to_vehicle(), record, START)
+    assert largest_difference(simulate(model, record, START), described) == 0.0
     torn = Record(
         "torn", DT, record.t, record.channels, record.units, (Segment(0, 40), Segment(40, ROWS))
     )

@@ -5,8 +5,10 @@ Each command reads its input before it imports what computes, so that bad input 
 
 import contextlib
 import functools
+import inspect
 import io
 import os
+import re
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -15,7 +17,7 @@ import tyro
 from tyro.conf import Positional, arg
 
 from . import __version__
-from .errors import InputError
+from .errors import InputError, nearest
 
 Logs = Annotated[tuple[Path, ...], Positional, arg(metavar="LOG...", help_behavior_hint="")]
 File = Annotated[Path, arg(metavar="FILE")]
@@ -57,25 +59,27 @@ def identify(
 
     from . import terminal
     from .identify.document import identify_document
-    from .identify.vehicle import each_plant
+    from .identify.vehicle import each_plant, none_identified
 
     with terminal.working("identifying"):
         found = dict(each_plant(records, options=options))
     refused = {name: why for name, why in found.items() if isinstance(why, InputError)}
     grids = {name: grid for name, grid in found.items() if not isinstance(grid, InputError)}
     if not grids:
-        raise next(iter(refused.values()))
-    write_json(out / "identify.json", identify_document(grids, records))
+        raise none_identified(refused)
+    write_json(out / "identify.json", identify_document(grids, records, refused))
     terminal.show_grids(grids)
     for name, why in refused.items():
-        terminal.OUT.print(f"{name} was not identified: {why}", soft_wrap=True)
+        print(f"vdmsi: {name} was not identified: {why}", file=sys.stderr)
     if report:
         with terminal.working("drawing the report"):
             from .report.identification import identification_page
             from .report.page import render
 
-            write_text(out / "report.html", render(identification_page(grids, records)))
+            write_text(out / "report.html", render(identification_page(grids, records, refused)))
         terminal.OUT.print(f"report: {out / 'report.html'}", soft_wrap=True)
+    else:
+        terminal.tell_older_report(out)
 
 
 def simulate(
@@ -132,6 +136,8 @@ def simulate(
 
             write_text(out / "report.html", render(simulation_page(comparisons)))
         terminal.OUT.print(f"report: {out / 'report.html'}", soft_wrap=True)
+    else:
+        terminal.tell_older_report(out)
 
 
 def diagnose(
@@ -183,6 +189,8 @@ def diagnose(
 
             write_text(out / "report.html", render(diagnosis_page(found)))
         terminal.OUT.print(f"report: {out / 'report.html'}", soft_wrap=True)
+    else:
+        terminal.tell_older_report(out)
 
 
 def sweep(
@@ -228,6 +236,8 @@ def sweep(
 
         write_text(out / "report.html", render(sweep_page(rows, results)))
         terminal.OUT.print(f"report: {out / 'report.html'}", soft_wrap=True)
+    else:
+        terminal.tell_older_report(out)
     refused = [row["refused"] for row in rows if "refused" in row]
     if refused:
         print(f"vdmsi: {len(refused)} of {len(rows)} cells: {refused[0]}", file=sys.stderr)
@@ -317,6 +327,8 @@ def reproduce(
             page = reproduction_page(found, drawings, pictures, source=source, more=more)
             write_text(out / "report.html", render(page))
         terminal.OUT.print(f"report: {out / 'report.html'}", soft_wrap=True)
+    else:
+        terminal.tell_older_report(out)
     if pdf:
         with terminal.working("typesetting the report"):
             from .report.pdf import build_pdf
@@ -384,6 +396,29 @@ def _delayed(command):
     return take
 
 
+def _misused(arguments: list[str]) -> InputError | None:
+    """Why arguments that cannot be parsed are wrong, where it is a command or an option that there
+    is not, or --out that is missing; None where it is another thing."""
+    name, *given = arguments or [""]
+    if name not in COMMANDS:
+        if not name or name.startswith("-"):
+            return None
+        mend = nearest(name, COMMANDS)
+        return InputError(name, "", "there is no such command", mend)
+    parameters = inspect.signature(COMMANDS[name]).parameters.values()
+    own = [p for p in parameters if p.kind is p.KEYWORD_ONLY]
+    switches = [p.name for p in own if isinstance(p.default, bool)]
+    options = [*(f"--{p.name}" for p in own), *(f"--no-{switch}" for switch in switches)]
+    named = [word.partition("=")[0] for word in given if re.match(r"--?[a-zA-Z]", word)]
+    for option in named:
+        if option not in options:
+            mend = nearest(option, options)
+            return InputError(name, option, "there is no such option", mend)
+    if "--out" not in named:
+        return InputError(name, "--out", "is missing", "give --out DIR, to write to")
+    return None
+
+
 def _dispatch(arguments: list[str]) -> None:
     """Parse and run. What tyro says of a wrong usage comes in a box; it is put on one line."""
     said = io.StringIO()
@@ -397,6 +432,8 @@ def _dispatch(arguments: list[str]) -> None:
                 args=arguments,
             )
     except SystemExit as leaving:
+        if leaving.code and (why := _misused(arguments)):
+            raise why from None
         if leaving.code:
             lines = [line.strip("╭╮╰╯│─ \n") for line in said.getvalue().splitlines()]
             print("vdmsi:", "; ".join(filter(None, lines)), file=sys.stderr)

@@ -293,6 +293,10 @@ class SweepOptions:
 
     runs: tuple[SweepRun, ...]
 
+    def __post_init__(self):
+        mend = 'give runs = [{ log = "run.csv", config = "vehicle.toml" }, ...]'
+        _require(len(self.runs) > 0, self, "runs", "there are none", mend)
+
 
 @dataclass(frozen=True)
 class Config:

@@ -42,10 +42,11 @@ def load_toml(path: Path) -> dict[str, Any]:
         raise InputError(
             str(path), "", "there is no such file", "give the path of a TOML configuration"
         ) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(
-            str(path), "", f"cannot be read as text ({error})", "give a TOML file"
-        ) from None
+    except OSError as error:
+        problem = "is a folder" if path.is_dir() else f"cannot be read ({error.strerror or error})"
+        raise InputError(str(path), "", problem, "give a TOML file") from None
+    except UnicodeDecodeError:
+        raise InputError(str(path), "", "is no UTF-8 text", "give a TOML file") from None
     except RecursionError:
         raise InputError(
             str(path), "", "tables lie too deep in each other", "mend the file"

@@ -4,6 +4,8 @@ word."""
 import difflib
 from collections.abc import Iterable
 
+_LONGEST = 40  # letters of a word that is listed
+
 
 class InputError(ValueError):
     """Input that is refused, told in one line that a user can act on.
@@ -49,7 +51,7 @@ def nearest(name: str, allowed: Iterable[str], limit: int = 16) -> str:
     words = sorted(allowed)
     if not words:
         return "nothing is allowed here"
-    listed = ", ".join(words[:limit]) + (
+    listed = ", ".join(map(_short, words[:limit])) + (
         f" and {len(words) - limit} more" if len(words) > limit else ""
     )
     lowered = {word.lower(): word for word in words}
@@ -57,3 +59,7 @@ def nearest(name: str, allowed: Iterable[str], limit: int = 16) -> str:
     return (
         f"did you mean {lowered[close[0]]!r}? Allowed: {listed}" if close else f"allowed: {listed}"
     )
+
+
+def _short(word: str) -> str:
+    return word if len(word) <= _LONGEST else f"{word[: _LONGEST - 1]}…"

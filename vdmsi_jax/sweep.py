@@ -103,7 +103,11 @@ def plan(config: str | Path, out: str | Path) -> list[Cell]:
     folder, cells = output_folder(Path(out) / "cells"), []
     for i, run in enumerate(sweep.sweep.runs, start=1):
         place = f"[sweep] runs {i}"
-        log = find_log(run.log, beside)
+        try:
+            log = find_log(run.log, beside)
+        except InputError as why:
+            problem = f"{why.problem} as {run.log}"
+            raise InputError(sweep.source, f"{place} log", problem, why.mend) from None
         own = config_of(log, None if run.config is None else beside / run.config)
         options = own.identify if sweep.identify == IdentifyOptions() else sweep.identify
         plants = {p.name: p for p in own.plants or DEFAULT_PLANTS}

@@ -1,7 +1,9 @@
 """What the command line shows while it works and when it is done. Nothing here computes."""
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
@@ -53,6 +55,11 @@ def show_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     OUT.print(table)
 
 
+def _percent(value: float | None) -> str:
+    """Two decimals; a dash for what is not there."""
+    return "–" if value is None or not math.isfinite(value) else f"{value:.2f}"
+
+
 def show_grids(grids: Mapping[str, "OrderGrid"]) -> None:
     """The chosen order of each plant, and that of the least BIC where it differs."""
     rows = []
@@ -64,8 +71,7 @@ def show_grids(grids: Mapping[str, "OrderGrid"]) -> None:
                 [
                     name,
                     order + ("" if order == grid.chosen else " (BIC)"),
-                    f"{fit.fit:.2f}",
-                    f"{fit.held_out_fit:.2f}",
+                    *(_percent(value) for value in (fit.fit, fit.held_out_fit)),
                     f"{fit.mse:.3g}",
                     "–" if delay is None else f"{1e3 * float(delay):.1f}",
                     fit.status,
@@ -94,13 +100,17 @@ def show_comparisons(comparisons: Sequence["Comparison"]) -> None:
             errors = [prediction.whole, prediction.windows]
             rows.append(
                 [comparison.record.name, name]
-                + ["–" if score is None else f"{score.fit:.2f}" for score in scores]
+                + [_percent(score and score.fit) for score in scores]
                 + ["–" if error is None else f"{error.ate['mean']:.3f}" for error in errors]
             )
     show_table(header, rows)
     for comparison in comparisons:
+        log = comparison.record.name
+        for name, prediction in comparison.predictions.items():
+            if not prediction.ok:
+                _say(f"{log}: {name}: {prediction.status}")
         if comparison.lacking:
-            OUT.print(f"{comparison.record.name}: {comparison.lacking}", soft_wrap=True)
+            _say(f"{log}: {comparison.lacking}")
 
 
 def show_reproduction(experiments: Sequence["Experiments"]) -> None:
@@ -159,6 +169,12 @@ def _say(text: str) -> None:
     OUT.print(text, soft_wrap=True, markup=False)
 
 
+def tell_older_report(out: Path) -> None:
+    """Say that the report in a folder is not that of the results that were just written."""
+    if (out / "report.html").exists():
+        _say(f"{out / 'report.html'} is older than these results: it is of an earlier run")
+
+
 def show_sweep(rows: Sequence[Mapping[str, Any]]) -> None:
     """A line per cell of a sweep."""
     show_table(
@@ -168,7 +184,7 @@ def show_sweep(rows: Sequence[Mapping[str, Any]]) -> None:
             if "refused" in row
             else [
                 *(row[key] for key in ("log", "plant", "chosen", "chosen_by_bic")),
-                *("–" if row[k] is None else f"{row[k]:.2f}" for k in ("fit", "held_out_fit")),
+                *(_percent(row[k]) for k in ("fit", "held_out_fit")),
                 row["status"],
             ]
             for row in rows

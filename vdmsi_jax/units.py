@@ -2,6 +2,7 @@
 knows any but SI."""
 
 import math
+import re
 from typing import NamedTuple
 
 from .errors import InputError, nearest
@@ -123,6 +124,13 @@ def unit(name: str, *, source: str, place: str, quantities: tuple[str, ...] = ()
             nearest(name, fitting),
         )
     return found
+
+
+def bracketed(name: str) -> tuple[str, str] | None:
+    """What stands before and in the brackets of a column such as `v [m/s]` or `v (m/s)`; None where
+    there are none."""
+    found = re.fullmatch(r"([^\[(]*\S)\s*(?:\[(.*)\]|\((.*)\))", name.strip())
+    return None if found is None else (found[1], (found[2] or found[3] or "").strip())
 
 
 def si_symbol(quantity: str) -> str:

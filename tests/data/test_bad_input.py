@@ -23,7 +23,10 @@ def without(name):
 COLUMNS = {
     "missing time": (without("t"), ["column 't'", "is missing", "[columns]"]),
     "no channel": ({"t": drive()["t"], "speed": drive()["v"]}, ["header", "v_cmd"]),
-    "text": (changed("v", 17, "fast"), ["line 19", "column 'v'", "'fast' is no number"]),
+    "text": (
+        changed("v", 17, "fast"),
+        ["line 19", "column 'v'", "'fast' is no number", 'missing = "gap"'],
+    ),
     "decimal comma": (changed("v", 3, '"1,5"'), ["line 5", "decimal point"]),
     "empty cell": (changed("v", 17, ""), ["line 19", "column 'v'", "missing"]),
     "nan": (changed("delta", 0, float("nan")), ["line 2", "column 'delta'", "not finite"]),
@@ -84,6 +87,15 @@ def test_bad_files(tmp_path, case):
     assert told.startswith(f"{path}: ")
     for part in parts:
         assert part in told
+
+
+def test_long_names_of_columns_are_cut(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text(
+        "t," + ",".join(f"{'x' * 5000}{i}" for i in range(20)) + "\n" + "0," * 20 + "0\n"
+    )
+    told = refusal(path)
+    assert "x…" in told and len(told) < 1000 + len(str(path))
 
 
 def test_the_line_is_right_behind_comments_and_blank_lines(tmp_path):

@@ -99,6 +99,7 @@ def test_no_file_means_the_defaults():
         ("[derive]\nt = 'speed_from_pose'", ["[derive] t", "no channel"]),
         ("[derive]\na = { rule = 'speed_from_pose', window = 0 }", ["[derive] a window"]),
         ("[sweep]", ["[sweep] runs", "missing"]),
+        ("[sweep]\nruns = []", ["[sweep] runs", "there are none", "give runs = [{ log"]),
         ("[[sweep.runs]]\nlogs = 'a'", ["[sweep] runs 1 logs", "did you mean 'log'"]),
         ("a = = 3", ["line 1, column 5", "TOML"]),
     ],
@@ -112,10 +113,10 @@ def test_what_is_wrong_is_named(tmp_path, text, parts):
 def test_files_that_are_none(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         load_config(tmp_path / "absent.toml")
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match=r"is a folder; give a TOML file$"):
         load_config(tmp_path)
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match="cannot be read as text"):
+    with pytest.raises(InputError, match=r"is no UTF-8 text; give a TOML file$"):
         load_config(tmp_path / "binary.toml")
 
 

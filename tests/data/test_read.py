@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from small_logs import drive, write_csv
-from vdmsi_jax.config import Config, PlantSpec, VehicleGeometry, load_config
+from vdmsi_jax.config import Config, PlantSpec, Prepare, VehicleGeometry, load_config
 from vdmsi_jax.data import Record, read_log, read_logs
 from vdmsi_jax.data.derive import steering_from_curvature
 from vdmsi_jax.errors import InputError
@@ -52,13 +52,35 @@ def test_delimiters(tmp_path, delimiter):
         lambda text: text.replace(",", ", "),
         lambda text: text.rstrip("\n"),
         lambda text: text.replace("t,v_cmd", '"t","v_cmd"'),
+        lambda text: "# " + text,
+        lambda text: "# by numpy.savetxt, at night\n#" + text,
+        lambda text: text.replace("t,v_cmd,", "t [s],v_cmd (m/s),").replace(",v,", ",v[m/s],"),
+        lambda text: "# " + text.replace("t,", "t [s],", 1).replace("1.0", "", 1) + "# end\n",
     ],
-    ids=["bom", "crlf", "comment", "blank lines", "spaces", "no last newline", "quotes"],
+    ids=["bom", "crlf", "comment", "blank lines", "spaces", "no last newline", "quotes"]
+    + ["header in a comment", "two comments", "units", "comment and units, cell by cell"],
 )
 def test_habits_of_other_programs(tmp_path, change):
     path = write_csv(tmp_path / "run.csv", drive())
     path.write_bytes(change(path.read_text()).encode())
-    np.testing.assert_array_equal(read_log(path)["v"], drive()["v"])
+    config = Config(prepare=Prepare(missing="hold"))
+    log = read_log(path, config)
+    np.testing.assert_array_equal(log["v"], drive()["v"][-log.n :])
+
+
+def test_a_unit_behind_a_name_is_that_in_which_the_channel_is_read(tmp_path):
+    path = write_csv(tmp_path / "run.csv", drive())
+    path.write_text(path.read_text().replace(",v,", ",v [km/h],", 1))
+    with pytest.raises(InputError, match=r"column 'v \[km/h\]': says 'km/h', and v is read in m/s"):
+        read_log(path)
+    for config in (
+        Config(units={"v": "km/h"}),
+        Config(columns={"v": "v [km/h]"}, units={"v": "kmh"}),
+    ):
+        np.testing.assert_allclose(read_log(path, config)["v"], drive()["v"] / 3.6)
+    path.write_text(path.read_text().replace("v [km/h]", "v [knots]", 1))
+    with pytest.raises(InputError, match=r"set \[columns\] v = \"v \[knots\]\""):
+        read_log(path)
 
 
 def test_npz_is_read_like_csv(tmp_path):
@@ -116,6 +138,22 @@ def test_a_commanded_curvature_becomes_a_steering_angle(tmp_path, point):
         np.testing.assert_allclose(log["delta_cmd"], np.arctan(0.15 * curvature))
     with pytest.raises(InputError, match="wheelbase"):
         read_log(path, Config(units={"delta_cmd": "1/m"}))
+
+
+def test_curvatures_that_cannot_be_driven_are_cut_and_told(tmp_path):
+    columns = drive()
+    curvature = columns["delta_cmd"] * 10
+    curvature[50:57] = [20.0, -20.0, 50.0, 50.0, 50.0, 50.0, 50.0]
+    path = write_csv(tmp_path / "run.csv", columns | {"delta_cmd": curvature})
+    config = Config(vehicle=VehicleGeometry(0.08, 0.07), units={"delta_cmd": "1/m"})
+    log = read_log(path, config)
+    (told,) = log.repairs
+    assert told.startswith("cut delta_cmd in 7 rows to the sharpest curvature")
+    sharpest = np.arctan(0.15 * 0.95 / 0.07 / np.sqrt(1.0 - 0.95**2))
+    assert log["delta_cmd"][50] == log["delta_cmd"].max() == pytest.approx(sharpest)
+    assert log["delta_cmd"][51] == pytest.approx(-sharpest)
+    rear = Config(vehicle=VehicleGeometry(0.08, 0.07, "rear_axle"), units={"delta_cmd": "1/m"})
+    assert read_log(path, rear).repairs == ()
 
 
 def test_headings_are_unwrapped(tmp_path):

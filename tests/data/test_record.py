@@ -70,9 +70,10 @@ def test_a_record_does_not_change():
 
 
 def test_it_survives_pickling():
-    made = replace(record(), session=3.0)
+    made = replace(record(), session=3.0, file="monday/run.csv")
     made = replace(made, within={"v": np.stack([made["v"], made["v"]], axis=1)})
     again = pickle.loads(pickle.dumps(made))
+    assert (again.source, again.log) == ("monday/run.csv", f"{made.name}.csv")
     np.testing.assert_array_equal(again["v"], made["v"])
     np.testing.assert_array_equal(again.measured("v"), made.measured("v"))
     assert again.segments == made.segments and again.session == 3.0

@@ -220,6 +220,12 @@ def test_improper_orders_are_refused_with_the_reason():
         TransferFunction([1.0, 2.0, 3.0], [1.0, 2.0])
 
 
+@pytest.mark.parametrize("den", [[0.0, 1.0], jnp.array([0.0, 1.0])])
+def test_a_denominator_that_begins_with_zero_is_refused(den):
+    with pytest.raises(ValueError, match="leading coefficient of den is zero"):
+        TransferFunction([1.0], den)
+
+
 @pytest.mark.parametrize(("num", "den"), [([1.0], [1.0]), ([], [1.0, 2.0]), ([[1.0]], [1.0, 2.0])])
 def test_what_is_no_plant_is_refused(num, den):
     with pytest.raises((ValueError, TypeCheckError)):  # the latter where annotations are executed

@@ -104,6 +104,13 @@ def test_the_identification_says_which_better_orders_the_data_do_not_support(cap
     assert "left out" not in render(identification_page({"steering": alone}, [grid.record]))
 
 
+def test_where_nothing_was_held_out_the_terminal_shows_a_dash(capsys):
+    grid = made_up.order_grid()
+    fits = {order: replace(fit, held_out_fit=float("nan")) for order, fit in grid.fits.items()}
+    show_grids({"steering": replace(grid, fits=fits)})
+    assert "nan" not in capsys.readouterr().out
+
+
 def test_the_simulation_says_how_much_is_gained():
     comparison = made_up.comparison()
     html = render(simulation_page([comparison]))

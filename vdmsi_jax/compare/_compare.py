@@ -1,18 +1,16 @@
 """Simulating a record by each model, and scoring all of them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from ..data.record import Record
+from ..data.record import Record, Segment
 from ..errors import InputError
 from ..identify.acceleration import measures_acceleration, speed_response
 from ..identify.result import Fit, OrderGrid
 from ..metrics import (
     Alignment,
-    ate,
     fit,
     heading_error,
     mse,
@@ -29,6 +27,7 @@ from ._nouns import (
     RelativeErrors,
     Score,
     has_pose,
+    spread,
 )
 from ._predict import Kind, drives, motion, responses, sensed
 
@@ -47,7 +46,9 @@ def compare(record: Record, model: Model, *, window: float = 20.0) -> Comparison
     Args:
         record: a log with the commands of the plants.
         model: what `load_model` read or `identified` made.
-        window: length of the windows that are anchored anew, s.
+        window: length of the windows that are anchored anew, s. What is left behind the last whole
+            one of a segment is a window of its own if it is at least half as long, and else a part
+            of that one.
 
     Raises:
         InputError: no plant of the model has its command in the record.
@@ -56,7 +57,7 @@ def compare(record: Record, model: Model, *, window: float = 20.0) -> Comparison
     if not plants:
         asked = ", ".join(sorted({plant.spec.input for plant in model.plants.values()}))
         problem = f"has none of the model's commands ({asked})"
-        raise InputError(record.name, "channels", problem, "name them in [columns]")
+        raise InputError(record.source, "channels", problem, "name them in [columns]")
     present = replace(model, plants=plants, vehicle=record.vehicle or model.vehicle)
     predictions, moved, kind = {}, {}, Kind.VDM
     for kind in Kind if present.extended else (Kind.VDM, Kind.VDM_SI):
@@ -87,7 +88,9 @@ def compare(record: Record, model: Model, *, window: float = 20.0) -> Comparison
         with_measured={
             "v": driven("measured v", kind, v, moved["delta"]),
             "delta": driven("measured delta", kind, moved["v"], delta),
-        },
+        }
+        if predictions[kind.value].ok
+        else {},
     )
 
 
@@ -136,10 +139,7 @@ def _score(
     predicted = np.stack([channels[c] for c in POSE], axis=1)
     measured = np.stack([record[c] for c in POSE], axis=1)
     samples = max(round(min(window / record.dt, record.n)), 1)
-    anchors = np.concatenate(
-        [s.start + np.arange(len(s)) // samples * samples for s in record.segments]
-    )
-    alone = len(record.segments) == 1
+    anchors = np.concatenate([s.start + _window_starts(len(s), samples) for s in record.segments])
     return Prediction(
         name,
         status,
@@ -147,26 +147,47 @@ def _score(
         scores,
         whole=_errors(measured, predicted),
         windows=_errors(measured, _anchored(measured, predicted, anchors)),
-        aligned=_plain(ate(measured, predicted, Alignment.SE2)) if alone else None,
-        relative=_relative(measured, predicted) if alone else None,
+        aligned=_aligned(measured, predicted, record.segments),
+        relative=_relative(measured, predicted, record.segments),
     )
 
 
-def _relative(measured: np.ndarray, predicted: np.ndarray) -> RelativeErrors | None:
-    """Errors over stretches of about a tenth of the way, rounded down to 1, 2 or 5 times a power of
-    ten; None for a vehicle that stands."""
-    way = float(np.hypot(*np.diff(measured[:, :2], axis=0).T).sum())
+def _window_starts(rows: int, samples: int) -> np.ndarray:
+    """First row of the window of each of a segment's rows: windows of so many samples, of which the
+    last takes in what is shorter than half of one."""
+    last = max((2 * rows + samples) // (2 * samples) - 1, 0)
+    return np.minimum(np.arange(rows) // samples, last) * samples
+
+
+def _aligned(
+    measured: np.ndarray, predicted: np.ndarray, segments: Sequence[Segment]
+) -> dict[str, float]:
+    """Errors after the best rigid motion of each segment onto its measured path."""
+    apart = [
+        np.asarray(translation_error(measured[s.samples], predicted[s.samples], Alignment.SE2))
+        for s in segments
+    ]
+    return spread(np.concatenate(apart))
+
+
+def _relative(
+    measured: np.ndarray, predicted: np.ndarray, segments: Sequence[Segment]
+) -> RelativeErrors | None:
+    """Errors over stretches of about a tenth of the longest segment's way, rounded down to 1, 2 or
+    5 times a power of ten; None for a vehicle that stands."""
+    ways = [float(np.hypot(*np.diff(measured[s.samples, :2], axis=0).T).sum()) for s in segments]
+    way = max(ways)
     if not way > 0.0:
         return None
     power = 10.0 ** np.floor(np.log10(0.1 * way))
     distance = float(power * max(d for d in (1, 2, 5) if d * power <= 0.1 * way * (1 + 1e-9)))
-    translation, heading = relative_pose_error(measured, predicted, distance=distance)
-    return RelativeErrors(distance, _spread(translation), _spread(np.abs(heading)))
-
-
-def _spread(errors: np.ndarray) -> dict[str, float]:
-    rmse = np.sqrt(np.mean(errors**2))
-    return _plain({"max": errors.max(), "mean": errors.mean(), "rmse": rmse})
+    errors = [
+        relative_pose_error(measured[s.samples], predicted[s.samples], distance=distance)
+        for s, own in zip(segments, ways, strict=True)
+        if own >= distance
+    ]
+    translation, heading = (np.concatenate(parts) for parts in zip(*errors, strict=True))
+    return RelativeErrors(distance, spread(translation), spread(heading))
 
 
 def _anchored(measured: np.ndarray, predicted: np.ndarray, anchors: np.ndarray) -> np.ndarray:
@@ -182,9 +203,4 @@ def _errors(measured: np.ndarray, predicted: np.ndarray) -> PoseErrors:
     return PoseErrors(
         np.asarray(translation_error(measured, predicted, Alignment.NONE)),
         np.asarray(heading_error(measured, predicted, Alignment.NONE)),
-        _plain(ate(measured, predicted, Alignment.NONE)),
     )
-
-
-def _plain(numbers: Mapping[str, Any]) -> dict[str, float]:
-    return {name: float(value) for name, value in numbers.items()}

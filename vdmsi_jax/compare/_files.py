@@ -34,15 +34,17 @@ def write_trajectories(folder: str | Path, comparison: Comparison) -> list[Path]
 
 def simulation_document(comparisons: Sequence[Comparison]) -> dict[str, Any]:
     """The contents of `simulation.json`. The `channels` of a run are the scores of the last model,
-    the best informed; every model has its own beside its errors."""
+    the best informed; every model has its own beside its errors: of positions (`ate`), m, and of
+    headings, rad, from the measured start of each of its `segments` and of each window."""
     return {"schema": SIMULATION, "runs": [_run(comparison) for comparison in comparisons]}
 
 
 def _run(comparison: Comparison) -> dict[str, Any]:
     last = list(comparison.predictions.values())[-1]
     return {
-        "log": comparison.record.name,
+        "log": comparison.record.log,
         "channels": _scores(last),
+        "segments": len(comparison.record.segments),
         "window": comparison.window,
         "floor": None if comparison.floor is None else _model(comparison.floor),
         "with_measured": {name: _model(p) for name, p in comparison.with_measured.items()},
@@ -55,11 +57,14 @@ def _scores(prediction: Prediction) -> dict[str, Any]:
 
 
 def _model(prediction: Prediction) -> dict[str, Any]:
+    whole, windows = prediction.whole, prediction.windows
     return {
         "status": prediction.status,
         "channels": _scores(prediction),
-        "ate": None if prediction.whole is None else prediction.whole.ate,
+        "ate": None if whole is None else whole.ate,
         "ate_aligned": prediction.aligned,
         "relative": None if prediction.relative is None else prediction.relative._asdict(),
-        "ate_windows": None if prediction.windows is None else prediction.windows.ate,
+        "ate_windows": None if windows is None else windows.ate,
+        "heading": None if whole is None else whole.turned,
+        "heading_windows": None if windows is None else windows.turned,
     }

@@ -18,6 +18,13 @@ def has_pose(channels: Collection[str]) -> bool:
     return set(POSE) <= set(channels)
 
 
+def spread(errors: Float[np.ndarray, " N"]) -> dict[str, float]:
+    """Max, mean and rmse of the sizes of errors, in their unit."""
+    size = np.abs(errors)
+    rmse = np.sqrt(np.mean(size**2))
+    return {"max": float(size.max()), "mean": float(size.mean()), "rmse": float(rmse)}
+
+
 class Score(NamedTuple):
     """FIT (eq. 3, percent) and MSE (eq. 4, squared unit) of one channel."""
 
@@ -32,12 +39,20 @@ class PoseErrors:
     Attributes:
         translation: distance at every sample, m; NaN where there is no prediction.
         heading: predicted minus measured heading at every sample, rad, wrapped.
-        ate: max, mean and rmse of `translation`, m.
     """
 
     translation: Float[np.ndarray, " N"]
     heading: Float[np.ndarray, " N"]
-    ate: Mapping[str, float]
+
+    @property
+    def ate(self) -> Mapping[str, float]:
+        """Max, mean and rmse of `translation`, m."""
+        return spread(self.translation)
+
+    @property
+    def turned(self) -> Mapping[str, float]:
+        """Max, mean and rmse of the size of `heading`, rad."""
+        return spread(self.heading)
 
 
 class RelativeErrors(NamedTuple):
@@ -60,9 +75,9 @@ class Prediction:
         scores: per channel that was measured.
         whole: errors of the run, anchored at the first measured pose of each segment.
         windows: errors when anchored anew at the measured pose every `Comparison.window` seconds.
-        aligned: max, mean, rmse, m, of the whole run after the best rigid motion onto the measured
-            path.
-        relative: errors of the motion over stretches of the measured path.
+        aligned: max, mean, rmse, m, of the run after the best rigid motion of each segment onto the
+            measured path.
+        relative: errors of the motion over stretches of the measured path that no gap parts.
     """
 
     name: str
@@ -75,9 +90,14 @@ class Prediction:
     relative: RelativeErrors | None = None
 
     @property
+    def ok(self) -> bool:
+        """Whether the simulation succeeded."""
+        return self.status == SUCCESSFUL
+
+    @property
     def has_path(self) -> bool:
         """Whether it says where the vehicle went."""
-        return self.status == SUCCESSFUL and has_pose(self.channels)
+        return self.ok and has_pose(self.channels)
 
 
 @dataclass(frozen=True)
@@ -92,7 +112,7 @@ class Comparison:
             actuators can take away. None where a path or a response was not measured.
         with_measured: of the last model, by `v` and `delta`, the motion with that response as it
             was measured and the other as predicted: where that is nearer to the measured path, the
-            actuator's model is what is wrong. Empty where `floor` is None.
+            actuator's model is what is wrong. Empty where `floor` is None or that model fails.
     """
 
     record: Record
@@ -100,6 +120,12 @@ class Comparison:
     window: float
     floor: Prediction | None = None
     with_measured: Mapping[str, Prediction] = field(default_factory=dict)
+
+    @property
+    def stretch(self) -> str:
+        """What `Prediction.whole` begins anew at the measured pose: the run, or each of the
+        stretches that gaps leave of it."""
+        return "whole run" if len(self.record.segments) == 1 else "each stretch"
 
     @property
     def lacking(self) -> str:

@@ -21,7 +21,7 @@ _SNIFF = 1 << 16  # bytes that are looked at first
 
 class CsvTable(Table):
     """A CSV file with a header. Comma, semicolon or tab part the cells, whichever the header has
-    most.
+    most. A comment right before numbers, with as many cells, is the header (`numpy.savetxt`).
 
     Raises:
         InputError: binary, no UTF-8, no header, two columns of one name, or too large for the
@@ -48,7 +48,7 @@ class CsvTable(Table):
             (line for line in head.decode("utf-8-sig", "replace").splitlines() if _is_row(line)), ""
         )
         self._delimiter = max(",;\t", key=first.count)
-        self._header_line, header = next(self._lines(), (1, []))
+        self._header_line, header = self._header()
         self.names = [name.strip() for name in header]
         if not any(self.names) or all(map(_is_number, self.names)):
             raise InputError(
@@ -75,15 +75,33 @@ class CsvTable(Table):
         number = next(itertools.islice(self._lines(), row + 1, None))[0]
         return f"line {number}"
 
+    def _header(self) -> tuple[int, list[str]]:
+        """Line number and cells of the header; cells of the first row where there is none."""
+        line, above = 1, [""]
+        for number, cells in self._records():
+            if not cells[0].startswith("#"):
+                numbers = all(not cell or _is_number(cell) for cell in cells)
+                if numbers and len(cells) == len(above) > 1:
+                    return line, [above[0].lstrip("# "), *above[1:]]
+                return number, cells
+            line, above = number, cells
+        return line, []
+
     def _lines(self) -> Iterator[tuple[int, list[str]]]:
         """Line number and cells of the header and of every row; blank lines and comments are passed
         over."""
+        yield self._header_line, self.names
+        for number, cells in self._records():
+            if number > self._header_line and not cells[0].startswith("#"):
+                yield number, cells
+
+    def _records(self) -> Iterator[tuple[int, list[str]]]:
+        """Line number and cells of whatever is not blank."""
         with self.path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
             reader = csv.reader(file, delimiter=self._delimiter, skipinitialspace=True)
             try:
                 for cells in reader:
-                    blank = not cells or cells == [""] or cells[0].startswith("#")
-                    if not blank:
+                    if cells and cells != [""]:
                         yield reader.line_num, cells
             except csv.Error as error:
                 place, problem = f"line {reader.line_num}", f"is damaged ({error})"
@@ -144,7 +162,7 @@ class CsvTable(Table):
     def _refuse_text(self, name: str, cells: tuple[str, ...], lines: list[int]) -> None:
         for number, cell in zip(lines, cells, strict=True):
             if cell and not _is_number(cell):
-                mend = "mend the cell, or leave it empty"
+                mend = 'mend the cell, or empty it and set [prepare] missing = "gap"'
                 if "," in cell:
                     mend = "write numbers with a decimal point"
                 place = f"line {number}, column {name!r}"

@@ -22,6 +22,13 @@ from .expressions import parse
 _LARGEST_SINE = 0.95  # of the course angle, beyond which noise and not geometry speaks
 
 
+def sharpest_curvature(vehicle: VehicleGeometry) -> float:
+    """The largest curvature, 1/m, of a path that the reference point can follow; infinite for a
+    point on the rear axle."""
+    ahead = abs(vehicle.rear_to_reference)
+    return _LARGEST_SINE / ahead if ahead > 0.0 else np.inf
+
+
 def steering_from_curvature(
     curvature: Float[np.ndarray, " N"], vehicle: VehicleGeometry
 ) -> Float[np.ndarray, " N"]:
@@ -35,7 +42,9 @@ def steering_from_curvature(
         (N,) rad. From sin β = d κ it is tan δ = L κ / cos β; curvatures that the point cannot
         follow are cut to the sharpest that it can.
     """
-    sine = np.clip(vehicle.rear_to_reference * curvature, -_LARGEST_SINE, _LARGEST_SINE)
+    sharpest = sharpest_curvature(vehicle)
+    curvature = np.clip(curvature, -sharpest, sharpest)
+    sine = vehicle.rear_to_reference * curvature
     return np.arctan(vehicle.wheelbase * curvature / np.sqrt(1.0 - sine**2))
 
 

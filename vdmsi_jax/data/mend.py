@@ -6,7 +6,7 @@ calls them.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -34,6 +34,7 @@ class Raw:
         line: row -> where it stands in the file, in words.
         run: (N,) labels of runs, or None for a single one.
         keep: (N,) rows that were selected, or None for all.
+        sharp: name -> (N,) true where a curvature was cut to the sharpest that can be driven.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Raw:
     line: Callable[[int], str]
     run: np.ndarray | None = None
     keep: np.ndarray | None = None
+    sharp: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass

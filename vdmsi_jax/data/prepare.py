@@ -75,6 +75,12 @@ def prepare(raw: Raw, config: Config, windows: Mapping[str, float] | None = None
     mend_missing(rows, config, gap)
     cut_warm_up(rows, config)
     cut_gaps(rows, gap)
+    for name, sharp in raw.sharp.items():
+        if sharp[rows.index].any():
+            rows.told.append(
+                f"cut {name} in {counted(sharp[rows.index], 'row')} to the sharpest curvature that "
+                f"the reference point can follow"
+            )
     for name, values in raw.channels.items():
         place = f"column {raw.columns[name]!r}"
         refuse_absurd(raw.source, place, values[rows.index])
@@ -134,6 +140,7 @@ def _assemble(rows: Rows, config: Config, period: float, windows: Mapping[str, f
         filled=channels.filled,
         steps={} if all(grid.even for grid in grids) else _steps(rows, config),
         windows={name: how.window for name, how in more.items() if how.window is not None},
+        file=raw.source,
     )
 
 
@@ -246,12 +253,12 @@ def check_excitation(record: Record, plant: PlantSpec) -> None:
     if np.ptp(command) <= 1e-12 * np.abs(command).max():
         problem = f"the command of {plant.name} is {command[0]:g} in all {record.n} samples"
         mend = "record a run in which it changes, or name another input"
-        raise InputError(record.name, plant.input, problem, mend)
+        raise InputError(record.source, plant.input, problem, mend)
     if not response.any():
         problem = f"the response of {plant.name} is zero in all {record.n} samples"
         mend = "check that the sensor was logged, or name another output"
-        raise InputError(record.name, plant.output, problem, mend)
+        raise InputError(record.source, plant.output, problem, mend)
     if np.ptp(response) <= 1e-12 * np.abs(response).max():
         problem = f"the response of {plant.name} is {response[0]:g} in all {record.n} samples"
         mend = "check the sensor, or name another output"
-        raise InputError(record.name, plant.output, problem, mend)
+        raise InputError(record.source, plant.output, problem, mend)

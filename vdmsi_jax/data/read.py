@@ -13,9 +13,9 @@ import numpy as np
 
 from ..config import CANONICAL, STEERING_CHANNELS, Config, allowed_quantities, load_config
 from ..errors import InputError, nearest
-from ..units import si_symbol, unit
+from ..units import bracketed, si_symbol, unit
 from .csv_table import CsvTable
-from .derive import steering_from_curvature
+from .derive import sharpest_curvature, steering_from_curvature
 from .expressions import Expression, parse
 from .mend import Raw
 from .npz_table import NpzTable
@@ -60,7 +60,8 @@ def _read(path: Path, config: Config, windows: Mapping[str, float]) -> Record:
     if run is not None and run not in numbers:
         texts.add(run)
     read = table.read(numbers=numbers, texts=texts)
-    channels = {channel: _to_si(channel, read[name], config) for channel, name in columns.items()}
+    logged = {channel: _to_si(channel, read[name], config) for channel, name in columns.items()}
+    channels = {channel: _as_angle(channel, x, config) for channel, x in logged.items()}
     raw = Raw(
         name=path.stem,
         source=str(path),
@@ -71,6 +72,11 @@ def _read(path: Path, config: Config, windows: Mapping[str, float]) -> Record:
         keep=None if where is None else np.broadcast_to(where(read), table.rows).astype(bool),
         columns=columns,
         line=table.line,
+        sharp={
+            channel: np.abs(logged[channel]) > sharpest_curvature(config.vehicle)
+            for channel in channels
+            if _is_curvature(channel, config) and config.vehicle is not None
+        },
     )
     return prepare(raw, config, windows)
 
@@ -181,7 +187,7 @@ def config_of(path: str | Path, config: str | Path | Config | None = None) -> Co
 
 def _columns(config: Config, names: Sequence[str], path: Path) -> dict[str, str]:
     """Which column of the file each channel is: those that the configuration names, and canonical
-    ones by their name."""
+    ones by their name, behind which their unit may stand in brackets."""
     for channel, name in config.columns.items():
         if name not in names:
             place = f"[columns] {channel}" if config.path else f"column {name}"
@@ -191,6 +197,11 @@ def _columns(config: Config, names: Sequence[str], path: Path) -> dict[str, str]
     columns = {channel: channel for channel in plain if channel in names} | dict(config.columns)
     taken = list(config.columns.values())
     columns = {c: n for c, n in columns.items() if c in config.columns or n not in taken}
+    for name in names:
+        channel, written = bracketed(name) or ("", "")
+        if channel in plain and channel not in columns and name not in taken:
+            _check_written(channel, written, name, config, path)
+            columns[channel] = name
     if "t" not in columns:
         mend = f'name the time column with [columns] t = "..."; {nearest("t", names)}'
         raise InputError(str(path), "column 't'", "is missing", mend)
@@ -199,6 +210,20 @@ def _columns(config: Config, names: Sequence[str], path: Path) -> dict[str, str]
         mend = f"name channels in [columns]; {nearest('v', names)}"
         raise InputError(str(path), "header", problem, mend)
     return columns
+
+
+def _check_written(channel: str, written: str, name: str, config: Config, path: Path) -> None:
+    """Refuse a column that says to be in another unit than the channel is read in."""
+    own = _unit(channel, config)
+    try:
+        fits = unit(written, source=str(path), place=name) == own
+    except InputError:
+        fits = False
+    if not fits:
+        said = config.units.get(channel) or si_symbol(own.quantity)
+        place, problem = f"column {name!r}", f"says {written!r}, and {channel} is read in {said}"
+        mend = f'set [columns] {channel} = "{name}" and its unit, [units] {channel} = "..."'
+        raise InputError(str(path), place, problem, mend)
 
 
 def _where(config: Config) -> Expression | None:
@@ -246,14 +271,21 @@ def _quantity(channel: str, config: Config) -> str:
 
 
 def _to_si(channel: str, values: np.ndarray, config: Config) -> np.ndarray:
-    """Unit and sign; a steering channel that was logged as curvature becomes a road-wheel angle."""
-    measured = _unit(channel, config)
-    factor = measured.to_si * config.sign.get(channel, 1.0)
-    values = values if factor == 1.0 else values * factor
-    if channel in STEERING_CHANNELS and measured.quantity == "curvature":
-        if config.vehicle is None:
-            problem = "a curvature needs the wheelbase to become an angle"
-            mend = "give [vehicle] l_f and l_r"
-            raise InputError(config.source, f"[units] {channel}", problem, mend)
-        return steering_from_curvature(values, config.vehicle)
-    return values
+    """Unit and sign."""
+    factor = _unit(channel, config).to_si * config.sign.get(channel, 1.0)
+    return values if factor == 1.0 else values * factor
+
+
+def _is_curvature(channel: str, config: Config) -> bool:
+    return channel in STEERING_CHANNELS and _unit(channel, config).quantity == "curvature"
+
+
+def _as_angle(channel: str, values: np.ndarray, config: Config) -> np.ndarray:
+    """A steering channel that was logged as curvature as road-wheel angle; others as they are."""
+    if not _is_curvature(channel, config):
+        return values
+    if config.vehicle is None:
+        problem = "a curvature needs the wheelbase to become an angle"
+        mend = "give [vehicle] l_f and l_r"
+        raise InputError(config.source, f"[units] {channel}", problem, mend)
+    return steering_from_curvature(values, config.vehicle)

@@ -4,6 +4,7 @@ without holes."""
 import types
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import PurePath
 from typing import Literal
 
 import numpy as np
@@ -46,6 +47,7 @@ class Record:
         within: name -> (N, k) what a command was inside each row, where a record was made slower.
         session: time at which it begins of the session that it is a part of, s; zero where it
             stands alone.
+        file: path of the file that it was read from; empty where there is none.
     """
 
     name: str
@@ -62,6 +64,7 @@ class Record:
     windows: Mapping[str, float] = field(default_factory=dict)
     within: Mapping[str, Float[np.ndarray, "N k"]] = field(default_factory=dict)
     session: float = 0.0
+    file: str = ""
 
     def __post_init__(self):
         object.__setattr__(self, "t", _frozen(self.t, np.float64))
@@ -97,6 +100,7 @@ class Record:
             dict(self.windows),
             dict(self.within),
             self.session,
+            self.file,
         )
         return type(self), own
 
@@ -182,7 +186,7 @@ class Record:
         except KeyError:
             mend = nearest(channel, self.channels)
             raise InputError(
-                self.name, f"channel {channel}", "there is no such channel", mend
+                self.source, f"channel {channel}", "there is no such channel", mend
             ) from None
 
     def __contains__(self, channel: object) -> bool:
@@ -203,6 +207,16 @@ class Record:
         """The runs in order."""
         return tuple(dict.fromkeys(segment.run for segment in self.segments))
 
+    @property
+    def source(self) -> str:
+        """What errors call it: the file's path, or its name where there is none."""
+        return self.file or self.name
+
+    @property
+    def log(self) -> str:
+        """What result files call it: its name with the file's suffix, such as `run_3.csv`."""
+        return self.name + PurePath(self.file).suffix
+
     def plant(self, name: str) -> PlantSpec:
         """The plant of that name. Raises InputError with the nearest name if there is none."""
         for plant in self.plants:
@@ -212,7 +226,7 @@ class Record:
             nearest(name, [plant.name for plant in self.plants])
             + "; [[plants]] of the configuration adds one"
         )
-        raise InputError(self.name, f"plant {name}", "there is no such plant", mend)
+        raise InputError(self.source, f"plant {name}", "there is no such plant", mend)
 
     def renamed(self, name: str) -> "Record":
         """The record under another name; a run that bore the old one bears the new one."""
@@ -266,12 +280,12 @@ class Record:
         chosen = [segment for segment in segments if len(segment) > 0]
         if not chosen:
             raise InputError(
-                self.name, "", "nothing is left of the record", "choose a longer stretch"
+                self.source, "", "nothing is left of the record", "choose a longer stretch"
             )
         for part in chosen:
             if not any(own.start <= part.start < part.stop <= own.stop for own in self.segments):
                 problem = f"samples {part.start} to {part.stop} lie in no single segment"
-                raise InputError(self.name, "", problem, "choose parts of record.segments")
+                raise InputError(self.source, "", problem, "choose parts of record.segments")
         index = np.concatenate([np.arange(segment.start, segment.stop) for segment in chosen])
         edges = np.cumsum([0, *map(len, chosen)])
         return replace(
@@ -329,12 +343,12 @@ class Record:
         """
         if not 0.0 < held_out < 1.0:
             raise InputError(
-                self.name, "held_out", f"{held_out} is no share", "give a number between 0 and 1"
+                self.source, "held_out", f"{held_out} is no share", "give a number between 0 and 1"
             )
         if by == "run":
-            seen, hidden = split_runs(self.segments, held_out, self.name)
+            seen, hidden = split_runs(self.segments, held_out, self.source)
         else:
-            seen, hidden = split_blocks(self.segments, held_out, blocks, self.name)
+            seen, hidden = split_blocks(self.segments, held_out, blocks, self.source)
         return self.select(seen), self.select(hidden)
 
     @staticmethod
@@ -356,14 +370,14 @@ class Record:
             if not np.isclose(record.dt, first.dt, rtol=1e-9):
                 problem = f"sampled every {record.dt:g} s, but {first.name} every {first.dt:g} s"
                 mend = "set the same [prepare] dt for all logs"
-                raise InputError(record.name, "dt", problem, mend)
+                raise InputError(record.source, "dt", problem, mend)
             if record.vehicle != first.vehicle:
                 problem = f"is another vehicle than that of {first.name}"
-                raise InputError(record.name, "vehicle", problem, "give logs of one vehicle")
+                raise InputError(record.source, "vehicle", problem, "give logs of one vehicle")
         common = [name for name in first.channels if all(name in record for record in records)]
         if not common:
             mend = "give logs with the same channels"
-            raise InputError(first.name, "channels", "the records share none", mend)
+            raise InputError(first.source, "channels", "the records share none", mend)
         segments: list[Segment] = []
         times: list[np.ndarray] = []
         offset = 0
@@ -389,6 +403,7 @@ class Record:
             plants=tuple(p for p in first.plants if p.input in common and p.output in common),
             filled={k: np.concatenate([~record.measured(k) for record in records]) for k in holes},
             steps={k: own for k, own in first.steps.items() if k in common},
+            file="" if name else first.file,
         )
 
 

@@ -4,16 +4,22 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..data.record import Record
+from ..errors import InputError
 from ..model_file import IDENTIFY, geometry
 from .result import Fit, OrderGrid
 
 
-def identify_document(grids: Mapping[str, OrderGrid], records: Sequence[Record]) -> dict[str, Any]:
+def identify_document(
+    grids: Mapping[str, OrderGrid],
+    records: Sequence[Record],
+    refused: Mapping[str, InputError] | None = None,
+) -> dict[str, Any]:
     """The contents of `identify.json`.
 
     Args:
         grids: by the plants' names.
         records: what was identified from; their repairs and their vehicle are told.
+        refused: by the plants' names, why those without a grid were not identified.
     """
     vehicle = next((record.vehicle for record in records if record.vehicle is not None), None)
     return {
@@ -21,6 +27,7 @@ def identify_document(grids: Mapping[str, OrderGrid], records: Sequence[Record])
         "logs": [record.name for record in records],
         "vehicle": None if vehicle is None else geometry(vehicle),
         "plants": {name: plant_document(grid) for name, grid in grids.items()},
+        "refused": {name: str(why) for name, why in (refused or {}).items()},
         "repairs": [
             *(f"{record.name}: {told}" for record in records for told in record.repairs),
             *(f"{name}: {grid.note}" for name, grid in grids.items() if grid.note),

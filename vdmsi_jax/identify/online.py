@@ -151,7 +151,7 @@ def identify_online(
     if len(record.segments) != 1:
         problem = f"has {len(record.segments)} segments, and a recursion cannot cross a gap"
         mend = "give record.select([segment]) for one of record.segments"
-        raise InputError(record.name, "segments", problem, mend)
+        raise InputError(record.source, "segments", problem, mend)
     u, y = record[spec.input], record[spec.output]
     if np.any(np.roots(np.asarray(start.den)).real >= 0.0):
         raise ValueError("start is not stable; give a stable plant of the same order")

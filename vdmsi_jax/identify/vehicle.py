@@ -1,6 +1,6 @@
 """All plants of a vehicle from its logs, each from those logs that move it."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from vdmsi_jax.config import IdentifyOptions, PlantSpec
 from vdmsi_jax.data import check_excitation
@@ -29,8 +29,16 @@ def identify_vehicle(
     found = dict(each_plant(several, options=options))
     grids = {name: grid for name, grid in found.items() if isinstance(grid, OrderGrid)}
     if not grids:
-        raise next(why for why in found.values() if isinstance(why, InputError))
+        refused = {name: why for name, why in found.items() if isinstance(why, InputError)}
+        raise none_identified(refused)
     return grids
+
+
+def none_identified(refused: Mapping[str, InputError]) -> InputError:
+    """What to say where every plant was refused: the reasons of all of them, each once."""
+    first, *others = {str(why): why for why in refused.values()}.values()
+    mend = "; ".join([first.mend, *map(str, others)])
+    return InputError(first.source, first.place, first.problem, mend)
 
 
 def each_plant(
@@ -42,7 +50,7 @@ def each_plant(
     """
     plants = {plant.name: plant for record in records for plant in record.plants}
     if not plants:
-        names = ", ".join(record.name for record in records)
+        names = ", ".join(record.source for record in records)
         mend = "name commands and responses in [columns], and pair them in [[plants]]"
         raise InputError(names, "plants", "no command with its response was logged", mend)
     for name, plant in plants.items():

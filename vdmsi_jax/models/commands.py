@@ -46,6 +46,6 @@ class Commands(eqx.Module):
         if len(record.segments) != 1:
             problem = f"has {len(record.segments)} segments, and a simulation cannot cross a gap"
             mend = "simulate record.select([segment]) for each of record.segments"
-            raise InputError(record.name, "segments", problem, mend)
+            raise InputError(record.source, "segments", problem, mend)
         v_cmd, delta_cmd = record["v_cmd"], record["delta_cmd"]
         return Commands(v_cmd, delta_cmd, record.dt, record.t[0], session=record.session)

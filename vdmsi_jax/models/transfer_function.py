@@ -8,6 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Complex, Float
 
 from vdmsi_jax.models import exchange
@@ -52,8 +53,8 @@ class TransferFunction(AbstractPlant):
         """Normalises `den` to a leading 1.
 
         Raises:
-            ValueError: no pole, more zeros than poles (eq. (5) cannot realise it), or arrays that
-                are not vectors.
+            ValueError: no pole, more zeros than poles (eq. (5) cannot realise it), a leading
+                coefficient of `den` that is zero, or arrays that are not vectors.
         """
         # NumPy's numbers stay its own until the end: it divides them without compiling anything
         num, den = (x if isinstance(x, jax.Array) else np.asarray(x, float) for x in (num, den))
@@ -65,6 +66,8 @@ class TransferFunction(AbstractPlant):
         reason = improper_reason(den.size - 1, num.size - 1)
         if reason is not None:
             raise ValueError(f"{reason}; give at most {den.size} numerator coefficients")
+        if not isinstance(den, Tracer) and np.asarray(den)[0] == 0.0:
+            raise ValueError("the leading coefficient of den is zero; leave it out")
         self.num, self.den = jnp.asarray(num / den[0], float), jnp.asarray(den / den[0], float)
         self.delay = None if delay is None else jnp.asarray(delay, float)
         self.offset = None if offset is None else jnp.asarray(offset, float)

@@ -36,8 +36,8 @@ def paths(comparison: Comparison) -> Figure:
 
 @styled
 def translation_error(comparison: Comparison) -> Figure:
-    """Distance between predicted and measured position over time: of the whole run, and of windows
-    that start anew at the measured pose."""
+    """Distance between predicted and measured position over time: of the whole run, or of each
+    stretch between gaps, and of windows that start anew at the measured pose."""
     record = comparison.record
     figure = Figure(figsize=(WIDTH, 4.8))
     whole, windows = figure.subplots(2, 1, sharex=True)
@@ -48,7 +48,7 @@ def translation_error(comparison: Comparison) -> Figure:
                 t, y = with_gaps(record, errors.translation)
                 label = f"{name}, {errors.ate['mean']:.3g} m"
                 axes.plot(*envelope(t, y), color=colour(name), label=label)
-    whole.set_title("whole run, and its mean", pad=20)
+    whole.set_title(f"{comparison.stretch} from its start, and the mean", pad=20)
     windows.set_title(f"windows of {comparison.window:g} s, and their mean", pad=20)
     windows.set_xlabel("time t (s)")
     for axes in (whole, windows):

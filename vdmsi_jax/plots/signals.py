@@ -9,6 +9,8 @@ from ..data.record import Record
 from ..identify.result import OrderGrid
 from .style import COLOURS, WIDTH, colour, envelope, legend_above, styled, unit_label
 
+_FARTHEST = 10.0  # times what was measured, beyond which a prediction is not drawn
+
 NAMES = {
     "v": "speed v",
     "v_cmd": "speed command",
@@ -71,6 +73,13 @@ def fitted(grid: OrderGrid, order: str | None = None) -> Figure:
     return figure
 
 
+def _near(predicted: np.ndarray, measured: np.ndarray) -> np.ndarray:
+    """The samples (N,) that lie where they can be drawn beside the measured ones, NaN in place of
+    others: a model that runs away would flatten all else, or has values that no axis holds."""
+    reach = _FARTHEST * max(float(np.ptp(measured)), float(np.abs(measured).max()), 1e-9)
+    return np.where(np.abs(predicted) <= reach, predicted, np.nan)
+
+
 @styled
 def channels(comparison: Comparison) -> Figure:
     """Every measured channel that a model predicts, over time, with each model's FIT."""
@@ -88,8 +97,9 @@ def channels(comparison: Comparison) -> Figure:
         line(axes, record, record[name], color=COLOURS["measured"], lw=1.0, label="measured")
         for model, prediction in comparison.predictions.items():
             if name in prediction.scores:
-                label = f"{model}, FIT {prediction.scores[name].fit:.1f} %"
-                line(axes, record, prediction.channels[name], color=colour(model), label=label)
+                own, fit = prediction.channels[name], prediction.scores[name].fit
+                label = f"{model}, FIT {fit:.1f} %" if np.isfinite(fit) else f"{model}, runs away"
+                line(axes, record, _near(own, record[name]), color=colour(model), label=label)
         axes.set_ylabel(channel_label(record, name))
         legend_above(axes)
     every[-1].set_xlabel("time t (s)")

@@ -6,20 +6,26 @@ import numpy as np
 
 from .. import plots
 from ..data.record import Record
+from ..errors import InputError
 from ..identify.result import Fit, OrderGrid
 from .page import Block, Bullets, Formula, Page, Picture, Section, Table, Text, Tiles
 from .phrases import capital, ended
 from .text import number, percent, polynomial, roots
 
 
-def identification_page(grids: Mapping[str, OrderGrid], records: Sequence[Record]) -> Page:
-    """What was read, and for each plant the order grid, the chosen model and its residual."""
+def identification_page(
+    grids: Mapping[str, OrderGrid],
+    records: Sequence[Record],
+    refused: Mapping[str, InputError] | None = None,
+) -> Page:
+    """What was read, and for each plant the order grid, the chosen model and its residual; for
+    each refused one why."""
     logs = ", ".join(record.name for record in records)
     return Page(
         title="Identification of " + " and ".join(grids),
         lead=f"From {logs}",
         sections=[
-            Section("In short", [_summary(grids)]),
+            Section("In short", [_summary(grids), *_refused(refused or {})]),
             Section("What was read", what_was_read(records)),
             *(_plant(name, grid) for name, grid in grids.items()),
         ],
@@ -35,6 +41,13 @@ def _summary(grids: Mapping[str, OrderGrid]) -> Tiles:
             for remark in [f"FIT of {fit.order}; held out {percent(fit.held_out_fit)}"]
         ]
     )
+
+
+def _refused(refused: Mapping[str, InputError]) -> list[Text]:
+    return [
+        Text(ended(f"{capital(name)} was not identified: {why}"), kind="warning")
+        for name, why in refused.items()
+    ]
 
 
 def what_was_read(records: Sequence[Record]) -> list[Block]:

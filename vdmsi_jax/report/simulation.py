@@ -32,7 +32,7 @@ def _run(i: int, comparison: Comparison) -> Section:
     blocks: list[Block] = []
     located = any(p.whole is not None for p in predictions.values())
     if located:
-        blocks += [_tiles(comparison), _errors(comparison)]
+        blocks += [_tiles(comparison), *_errors(comparison)]
         compared = [*predictions.values()][-1:] + [*comparison.with_measured.values()]
         if comparison.with_measured and all(p.windows is not None for p in compared):
             blocks.append(Text(_where_the_rest_comes_from(comparison)))
@@ -61,7 +61,8 @@ def _run(i: int, comparison: Comparison) -> Section:
     if any(p.has_path for p in predictions.values()):
         caption = "Predicted paths; no pose was measured, and they start at the origin."
         if located:
-            caption = "Measured and predicted paths from the same start."
+            caption = "Measured and predicted paths from the same start"
+            caption += "." if len(comparison.record.segments) == 1 else " of each stretch."
         blocks.append(Picture(plots.to_svg(plots.paths(comparison), f"run{i}-paths"), caption))
     if located:
         drawn = plots.to_svg(plots.translation_error(comparison), f"run{i}-error")
@@ -76,37 +77,59 @@ def _tiles(comparison: Comparison) -> Tiles:
             (f"{name}: mean translation error", f"{number(p.whole.ate['mean'], 3)} m", remark)
             for name, p in comparison.predictions.items()
             if p.whole is not None
+            for over in [p.windows and number(p.windows.ate["mean"], 3)]
             for remark in [
-                "whole run"
-                if p.windows is None
-                else f"whole run; {number(p.windows.ate['mean'], 3)} m over {window} windows"
+                comparison.stretch + ("" if over is None else f"; {over} m over {window} windows")
             ]
         ]
     )
 
 
-def _errors(comparison: Comparison) -> Table:
-    """Max, mean and rmse of each model, what the last takes off the first, and the floor."""
+def _errors(comparison: Comparison) -> list[Table]:
+    """Max, mean and rmse of each model's errors of position and heading, what the last takes off
+    the first, and the floor."""
     models = [p for p in comparison.predictions.values() if p.whole is not None]
     floor = [] if comparison.floor is None else [comparison.floor]
-    columns = [_statistics(p, comparison.window) for p in (*models, *floor)]
+    told = []
+    if floor:
+        told.append(
+            "Measured responses: the bicycle on the measured speed and angle, whose error no model "
+            "of the actuators can take away."
+        )
+    if (stretches := len(comparison.record.segments)) > 1:
+        told.append(
+            f"Gaps part the log into {stretches} stretches; each starts at its measured pose."
+        )
+    kinds = {"translation error (m)": _translations, "heading error (rad)": _headings}
+    return [
+        _table(
+            kind,
+            [p.name for p in (*models, *floor)],
+            [statistics(p, comparison) for p in (*models, *floor)],
+            len(models),
+            " ".join(told) if kind.startswith("translation") else "",
+        )
+        for kind, statistics in kinds.items()
+    ]
+
+
+def _table(
+    what: str, names: list[str], columns: list[dict[str, Any]], models: int, caption: str
+) -> Table:
+    """A column for each name, of which the first are the models to be set against each other."""
     rows = []
     for kind, first in columns[0].items():
         if any(column[kind] is None for column in columns):
             continue
         for statistic in first or {}:
             values = [column[kind][statistic] for column in columns]
-            taken = _taken_off(values[0], values[len(models) - 1])
+            taken = _taken_off(values[0], values[models - 1])
             rows.append([kind, statistic, taken, *(number(value) for value in values)])
-    last = f"{models[-1].name} against {models[0].name}"
     return Table(
-        ["translation error (m)", "", last, *(p.name for p in (*models, *floor))],
+        [what, "", f"{names[models - 1]} against {names[0]}", *names],
         rows,
         strong=[i for i, row in enumerate(rows) if row[1] == "mean"],
-        caption="Measured responses: the bicycle on the measured speed and angle, whose error no "
-        "model of the actuators can take away."
-        if floor
-        else "",
+        caption=caption,
     )
 
 
@@ -136,15 +159,26 @@ def _where_the_rest_comes_from(comparison: Comparison) -> str:
     return f"{told} So {most} of what better actuator models could take off is the {name}'s."
 
 
-def _statistics(prediction: Prediction, window: float) -> dict[str, Any]:
+def _translations(prediction: Prediction, comparison: Comparison) -> dict[str, Any]:
     assert prediction.whole is not None and prediction.windows is not None
     kinds: dict[str, Any] = {
-        "whole run, from its start": prediction.whole.ate,
-        f"{window:g} s windows": prediction.windows.ate,
-        "whole run, aligned": prediction.aligned,
+        f"{comparison.stretch}, from its start": prediction.whole.ate,
+        f"{comparison.window:g} s windows": prediction.windows.ate,
+        f"{comparison.stretch}, aligned": prediction.aligned,
     }
     if prediction.relative is not None:
         kinds[f"over every {prediction.relative.distance:g} m"] = prediction.relative.translation
+    return kinds
+
+
+def _headings(prediction: Prediction, comparison: Comparison) -> dict[str, Any]:
+    assert prediction.whole is not None and prediction.windows is not None
+    kinds: dict[str, Any] = {
+        f"{comparison.stretch}, from its start": prediction.whole.turned,
+        f"{comparison.window:g} s windows": prediction.windows.turned,
+    }
+    if prediction.relative is not None:
+        kinds[f"over every {prediction.relative.distance:g} m"] = prediction.relative.heading
     return kinds
 
 

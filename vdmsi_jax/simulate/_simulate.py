@@ -5,6 +5,7 @@ import jax
 from jax import lax
 
 from vdmsi_jax.data.record import Record
+from vdmsi_jax.model_file import Model
 from vdmsi_jax.models.commands import Commands
 from vdmsi_jax.models.vehicle import Vehicle
 from vdmsi_jax.simulate._arcs import Arcs, no_arcs
@@ -13,7 +14,7 @@ from vdmsi_jax.simulate._quadrature import Quadrature
 
 
 def simulate(
-    vehicle: Vehicle,
+    vehicle: Vehicle | Model,
     commands: Commands | Record,
     start: Start | None = None,
     *,
@@ -26,7 +27,7 @@ def simulate(
     (with `Solver`, those that its adjoint has).
 
     Args:
-        vehicle: VDM, VDM-SI, or one with effects.
+        vehicle: VDM, VDM-SI, or one with effects; a model is the vehicle that it describes.
         commands: held between the rows; a record without gaps gives its own.
         start: state at the first row; at the origin, heading along x, if `None`.
         method: `Quadrature()`, `Arcs()` or `Solver()`; `None` for the fastest that is exact here,
@@ -38,8 +39,10 @@ def simulate(
 
     Raises:
         ValueError: the method does not suit the vehicle.
-        InputError: the record has gaps or lacks a command.
+        InputError: the record has gaps or lacks a command, or the model lacks the geometry.
     """
+    if isinstance(vehicle, Model):
+        vehicle = vehicle.to_vehicle()
     if isinstance(commands, Record):
         commands = Commands.of(commands)
     if method is None:
