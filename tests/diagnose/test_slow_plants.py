@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 
 import vdmsi_jax as vj
+from vdmsi_jax.diagnose.prepare import stage_of
+from vdmsi_jax.diagnose.runs import lay_out
+from vdmsi_jax.diagnose.starts import first_order, nested, plant
 
 
 def tanks(seed: int, *, cascaded: bool = False, rim: float = np.inf, dt: float = 4.0):
@@ -66,3 +69,42 @@ def test_samples_that_are_far_apart_in_time_are_judged_all_the_same():
         made.append(vj.Record.from_arrays(dt=20.0, name=f"run_{run}", plants=(plant,), u=u, y=y))
     found = vj.diagnose(made)
     assert found.verdict == "no_effect" and found.channels["y"].fit > 90.0
+
+
+def logs_of(make, name: str, dt: float, count: int = 2) -> list[vj.Record]:
+    """Of a plant: `make(rng)` gives its command and what it answers."""
+    spec, made = vj.PlantSpec(name, "u", "y"), []
+    for run in range(count):
+        u, y = make(np.random.default_rng(run))
+        made.append(vj.Record.from_arrays(dt=dt, name=f"run_{run}", plants=(spec,), u=u, y=y))
+    return made
+
+
+def test_a_plate_that_heats_faster_than_it_cools_has_no_other_gain():
+    """Heat comes and goes by other ways, and where it rests it is the same: 18 s and 76 s."""
+
+    def plate(rng):
+        u, y, x = np.repeat(rng.uniform(20.0, 80.0, 25), 50), np.empty(1250), 50.0
+        for k, command in enumerate(u):
+            y[k] = x
+            for _ in range(10):
+                x += 0.1 * (command - x) / (18.0 if command > x else 76.0)
+        return u, y + 0.3 * rng.standard_normal(y.size)
+
+    found = vj.diagnose(logs_of(plate, "plate", 1.0))
+    assert found.verdict == "unexplained_structure" and not found.findings
+    assert any("differs up and down" in u.test for u in found.unexplained)
+
+
+@pytest.mark.parametrize("hidden", [3.0, 20.0, 150.0])
+def test_a_lag_before_a_tank_that_outlasts_the_log_has_a_start_near_by(hidden):
+    """Steps from the tank's own pole alone would end beside it."""
+    (record,) = logs_of(
+        lambda rng: (rng.uniform(0.0, 1.0, 900), rng.uniform(0.0, 1.0, 900)), "tank", 1.0, 1
+    )
+    stage = stage_of(lay_out([record]), record.plants[0])
+    slow = 1.0 / (900.0 * stage.pace)
+    tank = plant(first_order(stage)[0], stage, np.array([1.0, slow]), np.array([slow]))
+    starts = [h for h in nested(stage, tank) if h.zeros == 0]
+    offered = [float(np.abs(np.roots(h.den)).max() * stage.pace) for h in starts]
+    assert min(abs(np.log(p * hidden)) for p in offered) < np.log(2.5)

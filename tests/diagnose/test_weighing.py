@@ -26,7 +26,7 @@ from vdmsi_jax.diagnose.runs import Runs
 from vdmsi_jax.diagnose.stage import Stage
 from vdmsi_jax.diagnose.unexplained import BURSTS, WORSE
 from vdmsi_jax.diagnose.verdict import _or_else
-from vdmsi_jax.diagnose.weighing import Weighing, crowd
+from vdmsi_jax.diagnose.weighing import Weighing, _of_a_bend, crowd
 
 
 def searched(noise: Noise) -> Search:
@@ -146,6 +146,17 @@ def test_a_speed_that_falls_a_little_in_bends_is_every_vehicle_s(points, path, n
 def test_a_body_that_turns_the_same_but_for_a_per_cent_does_not_understeer(gradient, nothing):
     found = of_a_car("understeer", "vehicle", gradient, 0.1)
     assert DRIVES._negligible(found) is nothing
+
+
+@pytest.mark.parametrize(("least", "part"), [(0.2, True), (0.0, False)])
+def test_an_offset_beside_a_bend_that_never_comes_near_zero_is_part_of_it(least, part):
+    search = searched(OwnNoise())
+    u = np.linspace(least, 1.0, 50)[None]
+    for name, values in (("u", u), ("mask", u >= 0.0), ("held_out", u < 0.0)):
+        object.__setattr__(search.stage, name, values)
+    offset, bend = (named(c, search=search) for c in ("offset", "gain_nonlinearity"))
+    assert _of_a_bend(offset, [(offset, trial(0.5)), (bend, trial(0.5))]) is part
+    assert not _of_a_bend(offset, [(offset, trial(0.5)), (named("backlash"), trial(0.5))])
 
 
 def finding(cause: str, share: float) -> Finding:

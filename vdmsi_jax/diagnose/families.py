@@ -27,6 +27,9 @@ a kind of error is told."""
 PACE = "a time constant that changes with the state"
 """The kind of what changes how fast a response moves, and not where it comes to rest."""
 
+BY_DIRECTION = "a time constant that differs up and down"
+"""The same of what heats faster than it cools."""
+
 PLAIN = 100.0
 """The same, from which on an error is plainly some function of inputs and states, whatever data
 held out say of that function: 30 clean responses had -65 to 11."""

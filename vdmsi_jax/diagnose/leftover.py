@@ -12,7 +12,17 @@ from .body_fit import BodyFit, residual
 from .body_search import BodyFinding, BodySearch
 from .colour import whiten
 from .disturbance import IMITATORS, demands, moving, scores
-from .families import PACE, Explained, Family, better_than, explained, of_body, of_plant, weighed
+from .families import (
+    BY_DIRECTION,
+    PACE,
+    Explained,
+    Family,
+    better_than,
+    explained,
+    of_body,
+    of_plant,
+    weighed,
+)
 from .found import Finding, Search
 from .hypothesis import Refit, responses
 from .judge import Scored
@@ -117,8 +127,8 @@ def stand_ins(
             better = better_than(cause, finding.gain, kinds)
             if better is not None:
                 found.append((finding, _instead(spec.output, cause, better)))
-            elif _moves_alone(own, finding):
-                words = f"{PACE} would explain it better than {cause}"
+            elif pace := _pace(own, finding):
+                words = f"{pace} would explain it better than {cause}"
                 share = _took(stage, finding, own.final)
                 left = Unexplained(spec.output, share, (spec.output,), (), words, share > _PUZZLING)
                 found.append((finding, left))
@@ -144,6 +154,15 @@ def _by_name(question: Question) -> Question:
     """The same, of the kinds that have a name alone."""
     e, linear, families, mask, held_out, dt = question
     return e, linear, [f for f in families if f.causes is not None], mask, held_out, dt
+
+
+def _pace(own: Search, finding: Finding) -> str:
+    """What a cause stands in for where only the time that a plant takes is another, and no gain at
+    rest; empty else. A vehicle's drive pushes and brakes by different parts."""
+    slot = own.stage.slots[finding.number]
+    if slot.where == "plant" and getattr(slot.effect, "by", None) == "effort":
+        return BY_DIRECTION
+    return PACE if _moves_alone(own, finding) else ""
 
 
 def _moves_alone(own: Search, finding: Finding) -> bool:
@@ -209,7 +228,7 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
         slot = stage.slots[failed.finding.number]
         label = f"{slot.cause} ({slot.where})"
         fraction = _took(stage, failed.finding, failed.final)
-        if slot.cause in drawn:
+        if slot.cause in drawn or slot.cause in causes:  # of which another form is borne out
             continue
         if slot.weight < FREE and failed.finding.gain > _LOUD and fraction > _SEEN:
             broken[label] = max(broken.get(label, 0.0), fraction)

@@ -49,6 +49,7 @@ _MANY = 4  # rivals that explain the logs as well, from which on a cause beside 
 _CROWD = 4  # causes of one actuator, from which on they are one that the library lacks
 _TAKEN = 0.4  # share, below which a cause that only brief noise shows may mend what is slow
 _BENDS = frozenset({"gain_nonlinearity", "saturation", "gain_asymmetry"})  # of one characteristic
+_REACHED = 0.1  # of the largest command, above which all are where nothing shows the one at zero
 _LIGHT, _ADDS = 0.15, 0.3  # ratio, and share of the baseline's error, that a mode with more damping
 # must take by itself
 
@@ -122,6 +123,7 @@ class Weighing:
         small = share < MINOR or (beside and not leads)
         puzzling, disturbed = (x * (1.0 - share) > _PUZZLE for x in (puzzle, disturbance))
         small = small or not trial.believed(share, puzzling, disturbed)
+        small = small or puzzle * (1.0 - share) > share  # most of it is what it stands in for
         small = small or (puzzling and cause.search is not None and self._wanders(found))
         imitated = trial.gain.typical <= 0.0 and self._imitated(cause, trial.gain)
         # the share of a delay is told against a plant without zeros, and says less
@@ -129,6 +131,7 @@ class Weighing:
         vague = doubted and _vague(cause, found)
         mends = self._mends(cause, trial.gain, trials, leads)
         mends = mends or (share < _TAKEN and _by_brief_noise(cause) and self._beside(cause, trials))
+        mends = mends or _of_a_bend(cause, trials)
         return small or imitated or vague or mends or self._negligible(found)
 
     def _mends(
@@ -253,6 +256,17 @@ class Weighing:
             none = none or (found.statistic < _SLIGHT and g.after - g.before < _SLIGHT_POINTS)
         worse = g.ate_before is not None and g.ate_after is not None and g.ate_after > g.ate_before
         return none or (worse and max(found.share, g.typical) < _DOUBTFUL)
+
+
+def _of_a_bend(cause: Named, trials: Sequence[tuple[Named, Trial]]) -> bool:
+    """Whether an offset is but where the tangent of a bent characteristic meets zero, which its
+    actuator never comes near."""
+    if cause.cause != "offset" or cause.search is None:
+        return False
+    stage = cause.search.stage
+    sizes = np.abs(stage.u[stage.mask | stage.held_out])
+    bent = any(c.search is cause.search and c.cause == "gain_nonlinearity" for c, _ in trials)
+    return bent and bool(sizes.min() > _REACHED * sizes.max())
 
 
 def _by_brief_noise(cause: Named) -> bool:
