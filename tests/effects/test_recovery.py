@@ -77,6 +77,7 @@ CASES = {
     "CrossCoupling size": coupling(-2.3, lambda u, d: np.abs(d.other)),
     "CrossCoupling square": coupling(6.1, lambda u, d: d.other**2),
     "CrossCoupling slowed": coupling(-0.62, lambda u, d: np.abs(d.other) * u),
+    "CrossCoupling cornering": coupling(-0.21, lambda u, d: d.other**2 * u * np.abs(u)),
     "CrossCoupling speed": coupling(-0.09, lambda u, d: d.v),
     "CrossCoupling acceleration": Case(  # the effect averages over 0.2 s to both sides
         plain.coupled(0.31, lambda u, d: np.gradient(d.v, d.dt)), (0.31,), within=(0.06,)

@@ -47,6 +47,7 @@ _FORMS = {
     ("by", "size"): "by the size of the other command",
     ("by", "square"): "by the square of the other command",
     ("by", "slowed"): "in proportion to both commands",
+    ("by", "cornering"): "by the squares of both commands",
     ("by", "speed"): "by the speed",
     ("by", "acceleration"): "by the acceleration",
     ("by", "travel"): "to the other side in reverse",

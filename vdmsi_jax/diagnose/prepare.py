@@ -25,7 +25,7 @@ _FOREIGN = {
     "powertrain": {"speed_dependent_gain", "cross_coupling by speed"}
     | {"cross_coupling by acceleration", "offset by travel"},
     "steering": {"drag", "road_grade", "coulomb_friction against response"}
-    | {f"cross_coupling by {by}" for by in ("signed", "size", "square", "slowed")},
+    | {f"cross_coupling by {by}" for by in ("signed", "size", "square", "slowed", "cornering")},
 }
 _SESSION = {"gain_drift over session", "regime_change over session"}
 _VEHICLES_ONLY = {"cross_coupling", "speed_dependent_gain", "drag", "road_grade"}

@@ -49,6 +49,7 @@ ACTUATOR: tuple[AbstractEffect, ...] = (
     CrossCoupling(by="size"),
     CrossCoupling(by="square"),
     CrossCoupling(by="slowed"),
+    CrossCoupling(by="cornering"),
     CrossCoupling(by="speed"),
     CrossCoupling(by="acceleration"),
     GainAsymmetry(by="command"),

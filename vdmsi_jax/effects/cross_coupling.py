@@ -17,21 +17,24 @@ class CrossCoupling(AbstractEffect):
 
     Attributes:
         by: what acts: the other command (`signed`), its size (`size`), its square (`square`), in a
-            share of the own command its size (`slowed`), the `speed`, or the `acceleration`, which
+            share of the own command its size (`slowed`), its square by that of the own command, as
+            tyres brake that turn a vehicle (`cornering`), the `speed`, or the `acceleration`, which
             is the slope of the speed over a fifth of a second to both sides.
     """
 
     cause: ClassVar[str] = "cross_coupling"
 
     strength: Float[Array, ""] = parameter("command per unit of the other", "of the coupling")
-    by: Literal["signed", "size", "square", "slowed", "speed", "acceleration"] = eqx.field(
-        static=True, default="signed"
+    by: Literal["signed", "size", "square", "slowed", "cornering", "speed", "acceleration"] = (
+        eqx.field(static=True, default="signed")
     )
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
         speed = max(scales.speed, 0.1)
         typical = {"speed": speed, "acceleration": 20.0 * speed / scales.duration}.get(self.by, 1.0)
-        whole = 1.0 if self.by == "slowed" else scales.command
+        most = max(abs(scales.low), abs(scales.high), 1e-9)
+        own = {"slowed": 1.0, "cornering": 1.0 / most}
+        whole = own.get(self.by, scales.command)
         return [(k * whole / typical,) for k in (-0.5, -0.05, 0.05, 0.5)]
 
     def command(self, u: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
@@ -40,6 +43,7 @@ class CrossCoupling(AbstractEffect):
             "size": abs(signals.other),
             "square": signals.other**2,
             "slowed": abs(signals.other) * u,
+            "cornering": signals.other**2 * abs(u) * u,
             "speed": signals.v,
             "acceleration": _slope(signals),
         }[self.by]
