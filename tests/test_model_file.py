@@ -63,6 +63,14 @@ def test_an_identification_is_a_model(tmp_path, grid):
     assert loaded.vehicle == grid.record.vehicle
 
 
+def test_identify_json_names_logs_by_their_files(grid):
+    read = {"name": "run_3", "file": "drives/run_3.csv", "repairs": ("mended",)}
+    log = dataclasses.replace(grid.record, **read)
+    document = identify_document({"steering": grid}, [log])
+    assert document["logs"] == ["run_3.csv"]
+    assert document["repairs"] == ["run_3.csv: mended"]
+
+
 def test_identify_json_is_what_the_contract_says(tmp_path, grid):
     path = write_json(
         tmp_path / "identify.json", identify_document({"steering": grid}, [grid.record])

@@ -163,13 +163,23 @@ def test_logs_that_do_not_go_together_are_refused(logs):
         vj.diagnose([*logs, other])
 
 
+def test_a_refusal_names_the_files_that_were_given():
+    logs = []
+    for name in ("run_1", "run_2"):
+        u = len(logs) + np.arange(400) % 7.0
+        echo = vj.Record.from_arrays(dt=0.05, name=name, v_cmd=u, v=u)
+        logs.append(replace(echo, file=f"drives/{name}.csv"))
+    with pytest.raises(vj.InputError, match=r"^drives/run_1\.csv, drives/run_2\.csv: .*an echo"):
+        vj.diagnose(logs)
+
+
 def test_channels_that_some_logs_lack_are_told(logs):
     alone = replace(logs[0], channels={c: logs[0][c] for c in ("v_cmd", "delta_cmd", "v")})
     found = vj.diagnose([alone, *logs[1:]])
-    assert "run_1 lacks delta, r, x, y, psi: not looked at in any log." in found.unseen
+    assert "run_1.csv lacks delta, r, x, y, psi: not looked at in any log." in found.unseen
     assert set(found.channels) == {"v"}
     other = replace(logs[1], channels={c: logs[1][c] for c in ("delta_cmd", "delta", "r")})
-    with pytest.raises(vj.InputError, match="run_1 lacks delta, r: not looked at"):
+    with pytest.raises(vj.InputError, match=r"run_1\.csv lacks delta, r: not looked at"):
         vj.diagnose([alone, other])
 
 

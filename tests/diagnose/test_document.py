@@ -60,6 +60,15 @@ def test_every_finding_is_told_in_the_same_form(pair):
                 assert set(told["predicted_gain"]) == set(told["gain"])
 
 
+def test_logs_are_named_by_their_files():
+    diagnosis = made_up_diagnosis.explained()
+    first, *others = diagnosis.records
+    read = dataclasses.replace(first, file=f"drives/{first.name}.csv", repairs=("mended",))
+    document = diagnosis_document(dataclasses.replace(diagnosis, records=(read, *others)))
+    assert document["logs"][0] == f"{first.name}.csv"
+    assert document["repairs"][0] == f"{first.name}.csv: mended"
+
+
 def test_the_json_is_strict(pair, tmp_path):
     _, document = pair
     assert json.loads(json.dumps(document, allow_nan=False)) == document

@@ -368,11 +368,11 @@ class Record:
         first = records[0]
         for record in records:
             if not np.isclose(record.dt, first.dt, rtol=1e-9):
-                problem = f"sampled every {record.dt:g} s, but {first.name} every {first.dt:g} s"
+                problem = f"sampled every {record.dt:g} s, but {first.log} every {first.dt:g} s"
                 mend = "set the same [prepare] dt for all logs"
                 raise InputError(record.source, "dt", problem, mend)
             if record.vehicle != first.vehicle:
-                problem = f"is another vehicle than that of {first.name}"
+                problem = f"is another vehicle than that of {first.log}"
                 raise InputError(record.source, "vehicle", problem, "give logs of one vehicle")
         common = [name for name in first.channels if all(name in record for record in records)]
         if not common:

@@ -152,7 +152,7 @@ def _evidence(
     if bodily is None:
         unseen.append(_why_no_body(several))
     if not searches and bodily is None:
-        names = ", ".join(record.name for record in several)
+        names = ", ".join(record.source for record in several)
         mend = "name commands and responses in [columns], and pair them in [[plants]]"
         why = [*_unshared(several), *unseen, "nothing to diagnose"][0].rstrip(".")
         raise InputError(names, "plants", why, mend)
@@ -166,8 +166,8 @@ def _alike(records: list[Record], vehicle: VehicleGeometry | None) -> list[Recor
     first = records[0]
     for record in records:
         if not np.isclose(record.dt, first.dt, rtol=1e-6):
-            problem = f"sampled every {record.dt:g} s, but {first.name} every {first.dt:g} s"
-            raise InputError(record.name, "dt", problem, "set the same [prepare] dt for all logs")
+            problem = f"sampled every {record.dt:g} s, but {first.log} every {first.dt:g} s"
+            raise InputError(record.source, "dt", problem, "set the same [prepare] dt for all logs")
     return [replace(r, vehicle=r.vehicle or vehicle) for r in records]
 
 
@@ -181,7 +181,7 @@ def _once(records: list[Record]) -> tuple[list[Record], list[str]]:
         if same is None:
             kept.append(record)
         else:
-            told.append(f"{record.name} holds what {same.name} holds and was left out.")
+            told.append(f"{record.log} holds what {same.log} holds and was left out.")
     return kept, told
 
 
@@ -190,7 +190,7 @@ def _among_their_like(records: list[Record]) -> tuple[list[Record], list[str]]:
     left out."""
     pairs = [without_outliers(record) for record in records]
     told = [
-        f"{record.name}: {count} samples of {channel} stand alone, far from those about them, as "
+        f"{record.log}: {count} samples of {channel} stand alone, far from those about them, as "
         "outliers of a sensor do: left out."
         for record, counts in pairs
         for channel, count in counts.items()
@@ -222,7 +222,7 @@ def _unshared(records: Sequence[Record]) -> list[str]:
     """Which records lack channels that others have, so that they were left aside in all."""
     plants = [c for r in records for p in r.plants for c in (p.input, p.output)]
     every = dict.fromkeys(c for c in (*_OF_A_VEHICLE, *plants) if any(c in r for r in records))
-    lacking = {r.name: [c for c in every if c not in r] for r in records}
+    lacking = {r.log: [c for c in every if c not in r] for r in records}
     return [
         f"{name} lacks {', '.join(missing)}: not looked at in any log."
         for name, missing in lacking.items()
@@ -272,11 +272,11 @@ def _stage(
     if all(spec.output in r and np.array_equal(r[spec.input], r[spec.output]) for r in records):
         problem = f"{spec.output} is {spec.input} in every sample, an echo and no measurement"
         mend = "name the column that was measured"
-        raise InputError(records[0].name, spec.output, problem, mend)
+        raise InputError(records[0].source, spec.output, problem, mend)
     stage = stage_of(runs, spec, noise)
     if stage.mask.sum() < FEWEST:
         problem = f"only {int(stage.mask.sum())} samples of {spec.output} to fit"
-        raise InputError(records[0].name, spec.output, problem, "give a longer log")
+        raise InputError(records[0].source, spec.output, problem, "give a longer log")
     return stage
 
 

@@ -33,7 +33,7 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
         "schema": DIAGNOSIS,
         "verdict": diagnosis.verdict,
         "summary": diagnosis.summary,
-        "logs": [record.name for record in diagnosis.records],
+        "logs": [record.log for record in diagnosis.records],
         "held_out": diagnosis.held_out,
         "baseline": {
             "model": model_document(diagnosis.baseline, diagnosis.orders),
@@ -52,7 +52,7 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
         "detectability": [_detectable(cause) for cause in diagnosis.detectable],
         "unseen": list(diagnosis.unseen),
         "repairs": [
-            f"{record.name}: {told}" for record in diagnosis.records for told in record.repairs
+            f"{record.log}: {told}" for record in diagnosis.records for told in record.repairs
         ],
     }
     return plain(document)

@@ -177,7 +177,7 @@ def lay_out(records: Sequence[Record], whole: bool = True, others: bool = False)
     if not long:
         problem = f"the longest stretch without a gap has {longest} samples"
         mend = f"give logs of {_SHORTEST} or more, or mend their gaps"
-        raise InputError(", ".join(r.name for r in records), "length", problem, mend)
+        raise InputError(", ".join(r.source for r in records), "length", problem, mend)
     most = min(_MOST_RUNS, _MOST // (longest if many else 1))
     if len(long) > most:
         picked = np.unique(np.linspace(0, len(long) - 1, most).astype(int))

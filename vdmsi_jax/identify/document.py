@@ -24,12 +24,12 @@ def identify_document(
     vehicle = next((record.vehicle for record in records if record.vehicle is not None), None)
     return {
         "schema": IDENTIFY,
-        "logs": [record.name for record in records],
+        "logs": [record.log for record in records],
         "vehicle": None if vehicle is None else geometry(vehicle),
         "plants": {name: plant_document(grid) for name, grid in grids.items()},
         "refused": {name: str(why) for name, why in (refused or {}).items()},
         "repairs": [
-            *(f"{record.name}: {told}" for record in records for told in record.repairs),
+            *(f"{record.log}: {told}" for record in records for told in record.repairs),
             *(f"{name}: {grid.note}" for name, grid in grids.items() if grid.note),
         ],
     }

@@ -67,7 +67,7 @@ def identify(
     held_out = _held_out(record, options)
     if held_out.any() and np.ptp(record[spec.input][~held_out]) == 0.0:
         warnings.warn(
-            f"the command of {spec.name} changes only in what would be held out of {record.name}: "
+            f"the command of {spec.name} changes only in what would be held out of {record.log}: "
             f"nothing is held out",
             stacklevel=2,
         )

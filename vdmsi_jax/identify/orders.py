@@ -41,7 +41,7 @@ def order_grid(
     proper = [(n, m) for n in options.poles for m in options.zeros if m <= n]
     if not proper:
         problem = f"no proper order: zeros {list(options.zeros)} exceed poles {list(options.poles)}"
-        raise InputError(record.name, "[identify] zeros", problem, "allow fewer zeros")
+        raise InputError(record.source, "[identify] zeros", problem, "allow fewer zeros")
     longest = _longest_delay(record, options)
     measured = record.measured(plant.output)
     _refuse_too_short(record, plant, measured & ~held_out, max(n for n, _ in proper))
@@ -105,7 +105,7 @@ def _refuse_too_short(
     if counts.sum() <= unknown:
         problem = f"{int(counts.sum())} samples to fit, and up to {unknown} unknowns"
         mend = "give a longer log, or fewer [identify] poles"
-        raise InputError(record.name, plant.output, problem, mend)
+        raise InputError(record.source, plant.output, problem, mend)
 
 
 def choose(fits: Mapping[str, Fit], fit_loss: float) -> tuple[str, str]:
