@@ -31,6 +31,7 @@ from .mend import (
 from .record import Record, Segment
 from .resample import Grid, hold, interpolate, make_grid, rounded, touched
 from .unasked import unasked
+from .undeclared import refuse_undeclared
 
 _FINEST = 100  # samples that may be made of one row
 _DEFAULT_GAP = 5.0  # sample periods
@@ -49,7 +50,8 @@ def prepare(raw: Raw, config: Config, windows: Mapping[str, float] | None = None
 
     Raises:
         InputError: the log is refused: too short, time that does not rise, missing cells, nothing
-            left, or what the configuration asks for cannot be derived.
+            left, units that the motion belies, or what the configuration asks for cannot be
+            derived.
     """
     n = raw.t.size
     if n < 2:
@@ -125,6 +127,7 @@ def _assemble(rows: Rows, config: Config, period: float, windows: Mapping[str, f
     samples = [segment.samples for segment in segments]
     channels = Channels(values, filled, units, samples, dt, t, rows.told)
     derive(channels, config.derive, config.vehicle, source=config.source, log=raw.source)
+    refuse_undeclared(channels, config, raw.columns, raw.source)
     more = unasked(channels, config, windows)
     derive(channels, more, config.vehicle, source=config.source, log=raw.source)
     return Record(
