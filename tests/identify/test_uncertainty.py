@@ -5,7 +5,9 @@ import pytest
 from scipy.linalg import solve_toeplitz
 
 import known_plants as known
+from vdmsi_jax.config import DEFAULT_PLANTS
 from vdmsi_jax.identify import uncertainty
+from vdmsi_jax.identify.result import Fit
 
 # direct solve and recursion of the same well-conditioned equations
 EXACT = 1e-10
@@ -135,3 +137,18 @@ def test_what_is_said(num, den, relative, word, unsupported):
 
 def test_a_zero_far_from_every_pole_is_no_cancellation():
     assert not any("cancel" in r.message for r in remarks((1.0, 8.0), (1.0, 5.0, 6.0)))
+
+
+@pytest.mark.parametrize(("delay", "low"), [(0.0, 0.0), (0.003, 0.0), (0.05, 0.05 - 1.96 * 0.002)])
+def test_the_interval_of_a_delay_ends_at_zero(delay, low):
+    names, values = ("delay", "offset"), np.array([delay, 0.0])
+    found = Fit(
+        "P1Z0",
+        DEFAULT_PLANTS[0],
+        "",
+        parameter_names=names,
+        parameters=values,
+        covariance=np.diag([0.002**2, 0.1**2]),
+    )
+    assert found.interval("delay") == pytest.approx((low, delay + 1.96 * 0.002), abs=1e-6)
+    assert found.interval("offset") == pytest.approx((-0.196, 0.196), abs=1e-5)

@@ -99,9 +99,11 @@ class Fit:
         return float(self.parameters[self.parameter_names.index(name)])
 
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
-        """Two-sided confidence interval of the parameter `name` (asymptotic normal)."""
+        """Two-sided confidence interval of the parameter `name` (asymptotic normal); that of a
+        delay ends at its bound, zero."""
         half = NormalDist().inv_cdf(0.5 + level / 2) * self.std[name]
-        return self.value(name) - half, self.value(name) + half
+        low, high = self.value(name) - half, self.value(name) + half
+        return max(low, 0.0) if name == "delay" else low, high
 
 
 @dataclass(frozen=True)
