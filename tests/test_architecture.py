@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import vdmsi_jax
+from vdmsi_jax.effects import ACTUATOR, SENSOR, VEHICLE
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "vdmsi_jax"
@@ -35,6 +36,22 @@ LAYERS = (
 """Rooms of the package from the ground up; a room may use those below it and on its own floor."""
 
 LONGEST_FILE = 450
+
+KNOWS_EFFECTS = {
+    "effects": "the registry and the effects themselves",
+    "diagnose": "which causes imitate each other, and what each is asked for, is its subject",
+}
+"""Rooms that may name single effects, and why; all others take what the registry has."""
+
+SAYS_CAUSES = {
+    "reproduce/drawn.py": "the truth of made-up vehicles is a choice of causes, as a test's is",
+    "plots/beyond.py": "writes beside bars what `reproduce/drawn.py` calls its parts",
+    "testbed/car.py": "a bank, a yaw inertia and a late sensor are parts of that car, no effects",
+}
+"""Files outside these rooms in which words of causes stand, and why."""
+
+HOMONYMS = {"offset"}
+"""Words of causes that are parameters of every transfer function, too."""
 
 
 def floor(room: str) -> int:
@@ -134,6 +151,28 @@ def test_no_concrete_class_is_subclassed():
         and not getattr(base, "_is_protocol", False)
     ]
     assert not concrete
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_only_the_registry_and_the_diagnosis_name_effects(path):
+    """A cause that is added to the registry is known everywhere: no other room lists them."""
+    if room_of(path) in KNOWS_EFFECTS:
+        return
+    effects = [*ACTUATOR, *VEHICLE, *SENSOR]
+    causes = {effect.cause for effect in effects} - HOMONYMS
+    names = {type(effect).__name__ for effect in effects}
+    homes = {type(effect).__module__.rsplit(".", 1)[1] for effect in effects}
+    found = [
+        f"line {line} imports {name}"
+        for name, line in imports(path)
+        if name.startswith("vdmsi_jax.effects.") and set(name.split(".")[2:]) & (names | homes)
+    ]
+    found += [
+        f"line {node.lineno} says {node.value!r}"
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Constant) and node.value in causes
+    ]
+    assert bool(found) == (str(path.relative_to(PACKAGE)) in SAYS_CAUSES), found
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
