@@ -30,6 +30,12 @@ def record(n=1000, dt=0.01, runs=("a",), name="log", seed=0):
     )
 
 
+def test_a_record_prints_as_one_line():
+    assert repr(record()) == "<Record log: 1000 samples of 0.01 s: v_cmd, v>"
+    cut = "<Record log: 1000 samples of 0.01 s in 2 segments: v_cmd, v>"
+    assert str(record(runs=("a", "b"))) == cut
+
+
 def test_what_from_arrays_makes():
     made = Record.from_arrays(dt=0.1, v_cmd=[0, 1, 2], v=[0.0, 1.0, 2.0], t0=5.0, name="mine")
     assert made.n == 3 and made.duration == pytest.approx(0.3) and made.runs == ("mine",)

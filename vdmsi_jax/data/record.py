@@ -81,6 +81,11 @@ class Record:
             values.shape == (self.n,) for values in (*self.channels.values(), *self.filled.values())
         )
 
+    def __repr__(self) -> str:
+        many = "" if len(self.segments) == 1 else f" in {len(self.segments)} segments"
+        samples = f"{self.n} samples of {self.dt:g} s{many}"
+        return f"<Record {self.name}: {samples}: {', '.join(self.channels)}>"
+
     def __reduce__(self):
         plain = (
             dict(self.channels),
