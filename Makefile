@@ -49,7 +49,7 @@ notebooks: .venv/.test  ## run the notebooks in place
 	$(BIN)/python notebooks/run.py
 
 bench: .venv/.bench  ## time this project against its peers, in one run
-	$(BIN)/python -m pip list | grep -iE '^(jax|scipy|numba|control) '
+	$(BIN)/python -m pip list | grep -iE '^(jax|scipy|numba|control|sippy_unipi|sysidentpy) '
 	for script in benchmarks/*.py; do $(BIN)/python $$script || exit 1; done
 
 hunt: .venv/.test  ## hide every cause in made-up logs and count what is found; goes on where it stopped
