@@ -39,6 +39,8 @@ STARTS = Floor("f1tenth_mocap/runs.csv", "f1tenth_mocap_starts.toml", "powertrai
 """The mean over 15 runs, each of which the source fitted by itself; here one model serves all."""
 
 FLOORS = (
+    *_of("cascaded_tanks/estimation", "cascaded_tanks", tanks=74.5),
+    *_of("cascaded_tanks/validation", "cascaded_tanks", tanks=70.5),
     *_of("ce109_hoop_motor/fixedStepSequence", "ce109_hoop_motor", motor=85.5),
     *_of("cpm_mucar/run_a", "cpm_mucar_run_a", powertrain=96.7, yaw=87.8, motor=87.4, servo=86.5),
     *_of("cpm_mucar/run_b", "cpm_mucar_run_b", motor=82.8, servo=88.8),
@@ -56,6 +58,8 @@ FLOORS = (
         slip=83.0,
         yaw=69.7,
     ),
+    *_of("silverbox/snls80mv", "silverbox", circuit=11.9),
+    *_of("wiener_hammerstein/train_part1", "wiener_hammerstein", circuit=56.1),
     STARTS,
 )
 
