@@ -20,7 +20,8 @@ _DELAYS, _LONGEST, _NEARLY = 16, 0.1, 2.0  # how many are tried, up to which sha
 # run, and how much more than the least error others may leave
 _LEVEL = 0.05  # of the response, by which it is tried to be off
 _DRAGGED, _DRAG = ((1, 0), (2, 0)), (0.35, 0.7)  # plants, and shares of their damping
-_BEYOND = 5  # places of a faster pole, up to the rate of the samples
+_BEYOND, _OUTLASTS = 5, 3.0  # places of a faster pole, up to the rate of the samples, where all
+# that are known take longer than a third of a run
 _CHANGE = 0.1  # of gain, to try moments with
 
 
@@ -40,7 +41,8 @@ def nested(stage: Stage, h: Hypothesis) -> Iterable[Hypothesis]:
     slow = float(np.abs(np.roots(den)).min())
     fast = float(np.abs(np.roots(den)).max())
     limit = 1.0 / (stage.dt * stage.pace)
-    beyond = np.geomspace(fast, max(fast, limit), _BEYOND)  # a plant may outlast the log
+    outlasts = fast * stage.u.shape[1] < _OUTLASTS * limit
+    beyond = np.geomspace(fast, max(fast, limit), _BEYOND if outlasts else 0)
     for p in {min(3.0 * fast, limit), min(fast, limit), slow / 3.0, *map(float, beyond)}:
         if h.poles < POLES:
             yield plant(h, stage, np.polymul(den, [1.0, p]), num * p)
