@@ -159,6 +159,23 @@ def test_an_offset_beside_a_bend_that_never_comes_near_zero_is_part_of_it(least,
     assert not _of_a_bend(offset, [(offset, trial(0.5)), (named("backlash"), trial(0.5))])
 
 
+@pytest.mark.parametrize(("step", "same"), [(0.09, True), (0.3, False), (0.02, False)])
+def test_a_rounding_inside_of_what_is_logged_in_such_steps_is_that(step, same):
+    y = 0.08 * np.round(np.sin(np.linspace(0.0, 9.0, 400)) / 0.08)
+    record = Record.from_arrays(dt=0.05, name="run", plants=(SPEC,), u=y, y=y)
+    weighing = replace(WEIGHING, runs=replace(RUNS, records=(record,)))
+    rounding = replace(named("quantization"), parameters={"step": Estimate(step, 0.001, "1")})
+    assert weighing._of_a_rounding(rounding) is same
+    assert not weighing._of_a_rounding(replace(rounding, cause="dead_zone"))
+
+
+def test_a_cause_of_the_body_that_is_next_to_nothing_of_its_channel_s_error_is_minor():
+    """Of a yaw rate that understeer had spoilt: a wheelbase that is off by a per cent."""
+    weighing = replace(WEIGHING, baseline={"y": replace(SCORE, mse=3.0)})
+    body = Named("geometry_scale", "vehicle", None, "", {}, 200.0, 1, ())
+    assert weighing._of_all(body, gain(0.06)) == pytest.approx(0.02)
+
+
 def finding(cause: str, share: float) -> Finding:
     return replace(made_up_diagnosis.siso().findings[0], cause=cause, share=share)
 

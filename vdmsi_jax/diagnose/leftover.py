@@ -1,5 +1,6 @@
 """What all causes together leave: structure, in each channel, that the library has no name for."""
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
@@ -189,10 +190,12 @@ def _instead(channel: str, cause: str, better: Explained) -> Unexplained:
     return Unexplained(channel, share, on, (), words, puzzling=share > _PUZZLING)
 
 
-def _broken(label: str, channel: str, fraction: float) -> Unexplained:
-    """A cause that explains what was fitted and fails on what was held out."""
+def _broken(label: str, channel: str, fraction: float, size: float = math.inf) -> Unexplained:
+    """A cause that explains what was fitted and fails on what was held out; told as small where all
+    that it explains is that beside the response."""
     words = f"{label} would explain the data fitted, and fails on the data held out"
-    return Unexplained(channel, fraction, ("run",), (), words, puzzling=fraction > _PUZZLING)
+    left = Unexplained(channel, fraction, ("run",), (), words, puzzling=fraction > _PUZZLING)
+    return replace(left, size=size) if size < SMALL else left
 
 
 def _took(stage: Stage, finding: Finding, final: Refit) -> float:
@@ -223,7 +226,7 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
         found.append(slow)
     # what may have drawn the noise, or the disturbance, of the data fitted
     drawn = IMITATORS if slow is not None and slow.steady else {"resonance"}
-    broken: dict[str, float] = {}  # of several forms or plants with it, the most
+    broken: dict[str, tuple[float, float]] = {}  # of several forms or plants with it, the most
     for failed in own.failed:
         slot = stage.slots[failed.finding.number]
         label = f"{slot.cause} ({slot.where})"
@@ -231,8 +234,10 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
         if slot.cause in drawn or slot.cause in causes:  # of which another form is borne out
             continue
         if slot.weight < FREE and failed.finding.gain > _LOUD and fraction > _SEEN:
-            broken[label] = max(broken.get(label, 0.0), fraction)
-    found += [_broken(label, spec.output, fraction) for label, fraction in broken.items()]
+            size = math.sqrt(fraction * failed.finding.less.error(stage))
+            told = fraction, size / extent(stage.y[stage.mask])
+            broken[label] = max(broken.get(label, (0.0, 0.0)), told)
+    found += [_broken(label, spec.output, *shares) for label, shares in broken.items()]
     return beside_response(found, e, stage.y, stage.mask | stage.held_out)
 
 

@@ -50,6 +50,7 @@ _CROWD = 4  # causes of one actuator, from which on they are one that the librar
 _TAKEN = 0.4  # share, below which a cause that only brief noise shows may mend what is slow
 _BENDS = frozenset({"gain_nonlinearity", "saturation", "gain_asymmetry"})  # of one characteristic
 _REACHED = 0.1  # of the largest command, above which all are where nothing shows the one at zero
+_STEPS = 2.0  # times a step, up to which another is the same
 _LIGHT, _ADDS = 0.15, 0.3  # ratio, and share of the baseline's error, that a mode with more damping
 # must take by itself
 
@@ -131,7 +132,7 @@ class Weighing:
         vague = doubted and _vague(cause, found)
         mends = self._mends(cause, trial.gain, trials, leads)
         mends = mends or (share < _TAKEN and _by_brief_noise(cause) and self._beside(cause, trials))
-        mends = mends or _of_a_bend(cause, trials)
+        mends = mends or _of_a_bend(cause, trials) or self._of_a_rounding(cause)
         return small or imitated or vague or mends or self._negligible(found)
 
     def _mends(
@@ -145,6 +146,15 @@ class Weighing:
         little = 0.0 <= self._of_all(cause, gain) < MINOR and not leads
         little = little and bool(self.of_its_kind(cause, trials))
         return little or sum(r.indistinguishable for r in cause.rivals) >= _MANY
+
+    def _of_a_rounding(self, cause: Named) -> bool:
+        """Whether it rounds inside of an actuator whose response is logged in such steps."""
+        if cause.cause != "quantization" or cause.search is None:
+            return False
+        output = next(spec.output for spec, own in self.searches.items() if own is cause.search)
+        logged = [r.step(output) for r in self.runs.records if output in r]
+        step = cause.parameters["step"].value
+        return any(own is not None and own / _STEPS < step < _STEPS * own for own in logged)
 
     def _beside(self, cause: Named, trials: Sequence[tuple[Named, Trial]]) -> bool:
         """Whether another cause of the same actuator takes more."""
@@ -160,9 +170,9 @@ class Weighing:
         )
 
     def _of_all(self, cause: Named, gain: Gain) -> float:
-        """Share that an actuator's cause takes of what its channel errs by with no cause at all;
-        NaN where it is told by another channel."""
-        if not self._told_by(cause, gain):
+        """Share that a cause takes of what its channel errs by with no cause at all; NaN where an
+        actuator's is told by another channel."""
+        if cause.search is not None and not self._told_by(cause, gain):
             return math.nan
         return self._part(gain)
 
