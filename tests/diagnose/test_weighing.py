@@ -22,6 +22,7 @@ from vdmsi_jax.diagnose.result import (
     Rival,
     Unexplained,
 )
+from vdmsi_jax.diagnose.rounding import quantised, tells_rounding
 from vdmsi_jax.diagnose.runs import Runs
 from vdmsi_jax.diagnose.stage import Stage
 from vdmsi_jax.diagnose.unexplained import BURSTS, WORSE
@@ -163,10 +164,10 @@ def test_an_offset_beside_a_bend_that_never_comes_near_zero_is_part_of_it(least,
 def test_a_rounding_inside_of_what_is_logged_in_such_steps_is_that(step, same):
     y = 0.08 * np.round(np.sin(np.linspace(0.0, 9.0, 400)) / 0.08)
     record = Record.from_arrays(dt=0.05, name="run", plants=(SPEC,), u=y, y=y)
-    weighing = replace(WEIGHING, runs=replace(RUNS, records=(record,)))
+    rounded = quantised([record], {"y": replace(SCORE, mse=0.08**2 / 12.0)})
     rounding = replace(named("quantization"), parameters={"step": Estimate(step, 0.001, "1")})
-    assert weighing._of_a_rounding(rounding) is same
-    assert not weighing._of_a_rounding(replace(rounding, cause="dead_zone"))
+    assert tells_rounding(rounding, trial(0.5), rounded) is same
+    assert not tells_rounding(replace(rounding, cause="dead_zone"), trial(0.5), rounded)
 
 
 def test_a_cause_of_the_body_that_is_next_to_nothing_of_its_channel_s_error_is_minor():
@@ -244,6 +245,14 @@ def test_a_trace_beside_a_cause_that_takes_nearly_all_is_minor(before, minor):
     trial, told = judged(play, before, 97.4)
     trials = [(coupling, judged(coupling, 80.0, 97.4)[0]), (play, trial)]
     assert WEIGHING.minor(play, trial, told, 0.0, 0.0, False, trials) is minor
+
+
+@pytest.mark.parametrize(("puzzle", "minor"), [(0.3, False), (0.6, True)])
+def test_a_name_that_takes_less_than_what_stays_a_puzzle_stands_in_for_it(puzzle, minor):
+    """It takes 0.28 of the error; of the rest so much is structure that nothing explains."""
+    play = named("backlash")
+    trial, told = judged(play, 90.0, 91.5)
+    assert WEIGHING.minor(play, trial, told, puzzle, 0.0, False, [(play, trial)]) is minor
 
 
 def test_of_what_only_brief_noise_shows_little_mends_what_takes_more():

@@ -1,10 +1,12 @@
 """What a search finds in a stage: causes, their worth, and what could stand in their place."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ..config import PlantSpec
 from .hypothesis import Refit
 from .screen import Candidate
 from .stage import Stage
@@ -117,3 +119,8 @@ class Search:
         covariance = fit.covariance[np.ix_(at, at)]
         each = np.abs(away) / np.sqrt(np.maximum(np.diag(covariance), 1e-300))
         return each, float(away @ np.linalg.pinv(covariance, hermitian=True) @ away)
+
+
+def output_of(searches: Mapping[PlantSpec, Search], own: Search | None) -> str:
+    """The response in which a search was made; empty where it is none of these."""
+    return next((spec.output for spec, search in searches.items() if search is own), "")

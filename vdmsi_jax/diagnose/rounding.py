@@ -15,7 +15,7 @@ from .weighing import MINOR
 COARSE = 0.1
 """Share of a rounding in what a model leaves, from which on it is a finding."""
 
-_SAME_STEP = 0.1  # by which the step of a plant's rounding may differ from that of its sensor
+_SAME_STEP = 2.0  # times the step of a sensor, up to which that of its plant's rounding is the same
 
 
 def quantised(records: Sequence[Record], scores: Mapping[str, ChannelScore]) -> list[Finding]:
@@ -49,7 +49,7 @@ def tells_rounding(cause: Named, trial: Trial, rounded: Sequence[Finding]) -> bo
     steps = [f.parameters["step"].value for f in rounded if f.channel in channels]
     if cause.cause == "quantization":
         own = cause.parameters["step"].value
-        return any(abs(own - step) < _SAME_STEP * step for step in steps)
+        return any(step / _SAME_STEP < own < _SAME_STEP * step for step in steps)
     if cause.cause in ("offset", "sensor_bias"):
         return any(abs(cause.parameters["bias"].value) < 0.5 * step for step in steps)
     return False

@@ -16,7 +16,7 @@ from .budget import of_channel, of_path
 from .channels import channel_scores, responses, units_of
 from .detectability import detectable
 from .extension import extended_model, plain_model
-from .found import FEW, Search
+from .found import FEW, Search, output_of
 from .hypothesis import Refit
 from .judge import Scored, Trial, confirmed, gain_of
 from .manoeuvres import separate
@@ -181,7 +181,7 @@ class Evidence:
         tried, sure, faint = [], [], False
         if cause.search is not None and cause.finding is not None:
             stage, final = cause.search.stage, cause.search.final
-            name = next(s.output for s, f in self.searches.items() if f is cause.search)
+            name = output_of(self.searches, cause.search)
             promised = cause.finding.promised
             held, use = bool(stage.held_out.sum() > FEW), cause.search.judges
             less = less or cause.search.usable_without(cause.finding)

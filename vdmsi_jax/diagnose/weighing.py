@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..config import PlantSpec
-from .found import Search
+from .found import Search, output_of
 from .judge import NEARLY_ALL, Trial
 from .naming import Named
 from .noise import BriefNoise
@@ -50,7 +50,6 @@ _CROWD = 4  # causes of one actuator, from which on they are one that the librar
 _TAKEN = 0.4  # share, below which a cause that only brief noise shows may mend what is slow
 _BENDS = frozenset({"gain_nonlinearity", "saturation", "gain_asymmetry"})  # of one characteristic
 _REACHED = 0.1  # of the largest command, above which all are where nothing shows the one at zero
-_STEPS = 2.0  # times a step, up to which another is the same
 _LIGHT, _ADDS = 0.15, 0.3  # ratio, and share of the baseline's error, that a mode with more damping
 # must take by itself
 
@@ -132,7 +131,7 @@ class Weighing:
         vague = doubted and _vague(cause, found)
         mends = self._mends(cause, trial.gain, trials, leads)
         mends = mends or (share < _TAKEN and _by_brief_noise(cause) and self._beside(cause, trials))
-        mends = mends or _of_a_bend(cause, trials) or self._of_a_rounding(cause)
+        mends = mends or _of_a_bend(cause, trials)
         return small or imitated or vague or mends or self._negligible(found)
 
     def _mends(
@@ -147,15 +146,6 @@ class Weighing:
         little = little and bool(self.of_its_kind(cause, trials))
         return little or sum(r.indistinguishable for r in cause.rivals) >= _MANY
 
-    def _of_a_rounding(self, cause: Named) -> bool:
-        """Whether it rounds inside of an actuator whose response is logged in such steps."""
-        if cause.cause != "quantization" or cause.search is None:
-            return False
-        output = next(spec.output for spec, own in self.searches.items() if own is cause.search)
-        logged = [r.step(output) for r in self.runs.records if output in r]
-        step = cause.parameters["step"].value
-        return any(own is not None and own / _STEPS < step < _STEPS * own for own in logged)
-
     def _beside(self, cause: Named, trials: Sequence[tuple[Named, Trial]]) -> bool:
         """Whether another cause of the same actuator takes more."""
         own = {c: t.gain.mse_before for c, t in trials if c.search is cause.search}
@@ -163,11 +153,7 @@ class Weighing:
 
     def _told_by(self, cause: Named, gain: Gain) -> bool:
         """Whether a cause of an actuator is worth most in that actuator's response."""
-        return any(
-            spec.output == gain.channel
-            for spec, own in self.searches.items()
-            if own is cause.search
-        )
+        return gain.channel == output_of(self.searches, cause.search)
 
     def _of_all(self, cause: Named, gain: Gain) -> float:
         """Share that a cause takes of what its channel errs by with no cause at all; NaN where an
