@@ -59,14 +59,10 @@ def identify(
 
     from . import terminal
     from .identify.document import identify_document
-    from .identify.vehicle import each_plant, none_identified
+    from .identify.vehicle import identified_and_refused
 
     with terminal.working("identifying"):
-        found = dict(each_plant(records, options=options))
-    refused = {name: why for name, why in found.items() if isinstance(why, InputError)}
-    grids = {name: grid for name, grid in found.items() if not isinstance(grid, InputError)}
-    if not grids:
-        raise none_identified(refused)
+        grids, refused = identified_and_refused(records, options=options)
     write_json(out / "identify.json", identify_document(grids, records, refused))
     terminal.show_grids(grids)
     for name, why in refused.items():
@@ -77,9 +73,7 @@ def identify(
             from .report.page import render
 
             write_text(out / "report.html", render(identification_page(grids, records, refused)))
-        terminal.OUT.print(f"report: {out / 'report.html'}", soft_wrap=True)
-    else:
-        terminal.tell_older_report(out)
+    terminal.tell_report(out, written=report)
 
 
 def simulate(
@@ -135,9 +129,7 @@ def simulate(
             from .report.simulation import simulation_page
 
             write_text(out / "report.html", render(simulation_page(comparisons)))
-        terminal.OUT.print(f"report: {out / 'report.html'}", soft_wrap=True)
-    else:
-        terminal.tell_older_report(out)
+    terminal.tell_report(out, written=report)
 
 
 def diagnose(
@@ -188,9 +180,7 @@ def diagnose(
             from .report.page import render
 
             write_text(out / "report.html", render(diagnosis_page(found)))
-        terminal.OUT.print(f"report: {out / 'report.html'}", soft_wrap=True)
-    else:
-        terminal.tell_older_report(out)
+    terminal.tell_report(out, written=report)
 
 
 def sweep(
@@ -235,9 +225,7 @@ def sweep(
         from .report.sweep import sweep_page
 
         write_text(out / "report.html", render(sweep_page(rows, results)))
-        terminal.OUT.print(f"report: {out / 'report.html'}", soft_wrap=True)
-    else:
-        terminal.tell_older_report(out)
+    terminal.tell_report(out, written=report)
     refused = [row["refused"] for row in rows if "refused" in row]
     if refused:
         print(f"vdmsi: {len(refused)} of {len(rows)} cells: {refused[0]}", file=sys.stderr)
@@ -326,9 +314,7 @@ def reproduce(
             more = beyond_sections(document, drawings["beyond"])
             page = reproduction_page(found, drawings, pictures, source=source, more=more)
             write_text(out / "report.html", render(page))
-        terminal.OUT.print(f"report: {out / 'report.html'}", soft_wrap=True)
-    else:
-        terminal.tell_older_report(out)
+    terminal.tell_report(out, written=report)
     if pdf:
         with terminal.working("typesetting the report"):
             from .report.pdf import build_pdf

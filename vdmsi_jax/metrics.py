@@ -88,6 +88,13 @@ def ate(
     }
 
 
+def spread(errors: Float[np.ndarray, " N"]) -> dict[str, float]:
+    """`max`, `mean` and `rmse` of the sizes of errors, in their unit, as plain numbers."""
+    size = np.abs(errors)
+    rmse = np.sqrt(np.mean(size**2))
+    return {"max": float(size.max()), "mean": float(size.mean()), "rmse": float(rmse)}
+
+
 def heading_error(
     truth: Float[ArrayLike, "N 3"],
     estimate: Float[ArrayLike, "N 3"],

@@ -169,10 +169,14 @@ def _say(text: str) -> None:
     OUT.print(text, soft_wrap=True, markup=False)
 
 
-def tell_older_report(out: Path) -> None:
-    """Say that the report in a folder is not that of the results that were just written."""
-    if (out / "report.html").exists():
-        _say(f"{out / 'report.html'} is older than these results: it is of an earlier run")
+def tell_report(out: Path, *, written: bool) -> None:
+    """Say where the report is, or that the one in the folder is not of the results that were just
+    written."""
+    file = out / "report.html"
+    if written:
+        _say(f"report: {file}")
+    elif file.exists():
+        _say(f"{file} is older than these results: it is of an earlier run")
 
 
 def show_sweep(rows: Sequence[Mapping[str, Any]]) -> None:

@@ -15,6 +15,7 @@ from ..metrics import (
     heading_error,
     mse,
     relative_pose_error,
+    spread,
     translation_error,
 )
 from ..model_file import Model, Plant
@@ -27,7 +28,6 @@ from ._nouns import (
     RelativeErrors,
     Score,
     has_pose,
-    spread,
 )
 from ._predict import Kind, drives, motion, responses, sensed
 

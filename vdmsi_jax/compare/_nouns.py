@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..data.record import Record
+from ..metrics import spread
 
 SUCCESSFUL = "successful"
 POSE = ("x", "y", "psi")
@@ -16,13 +17,6 @@ POSE = ("x", "y", "psi")
 def has_pose(channels: Collection[str]) -> bool:
     """Whether a pose is among them."""
     return set(POSE) <= set(channels)
-
-
-def spread(errors: Float[np.ndarray, " N"]) -> dict[str, float]:
-    """Max, mean and rmse of the sizes of errors, in their unit."""
-    size = np.abs(errors)
-    rmse = np.sqrt(np.mean(size**2))
-    return {"max": float(size.max()), "mean": float(size.mean()), "rmse": float(rmse)}
 
 
 class Score(NamedTuple):

@@ -24,15 +24,15 @@ SURE, HELD = 30.0, 12.0
 """Twice the gain in log-likelihood, beyond two for each weight, and on data held out, from which on
 a kind of error is told."""
 
+PLAIN = 100.0
+"""The same, from which on an error is plainly some function of inputs and states, whatever data
+held out say of that function: 30 clean responses had -65 to 11."""
+
 PACE = "a time constant that changes with the state"
 """The kind of what changes how fast a response moves, and not where it comes to rest."""
 
 BY_DIRECTION = "a time constant that differs up and down"
 """The same of what heats faster than it cools."""
-
-PLAIN = 100.0
-"""The same, from which on an error is plainly some function of inputs and states, whatever data
-held out say of that function: 30 clean responses had -65 to 11."""
 
 _WORTH = 0.05  # share of the squared error, fitted and held out, below which it is not told
 _START = 2.0  # s at the start of what is held out, where the states at the start are guessed

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..metrics import spread
 from .body_search import BodySearch
 from .found import Search
 from .hypothesis import Hypothesis, Refit, responses
@@ -69,12 +70,8 @@ class Road:
 
     def ate(self) -> dict[str, dict[str, float]]:
         """Max, mean and rmse of baseline and model."""
-        found = {}
-        for name, poses in (("baseline", self.baseline), ("model", self.extended)):
-            e = self.errors(poses)
-            rmse = float(np.sqrt(np.mean(e**2)))
-            found[name] = {"max": float(e.max()), "mean": float(e.mean()), "rmse": rmse}
-        return found
+        both = {"baseline": self.baseline, "model": self.extended}
+        return {name: spread(self.errors(poses)) for name, poses in both.items()}
 
     def without(self, cause: Named, less: Refit | None = None) -> float:
         """Mean translation error of the model without a cause, m: its actuator refitted without it,

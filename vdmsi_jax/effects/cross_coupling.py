@@ -31,11 +31,13 @@ class CrossCoupling(AbstractEffect):
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
         speed = max(scales.speed, 0.1)
-        typical = {"speed": speed, "acceleration": 20.0 * speed / scales.duration}.get(self.by, 1.0)
-        most = max(abs(scales.low), abs(scales.high), 1e-9)
-        own = {"slowed": 1.0, "cornering": 1.0 / most}
-        whole = own.get(self.by, scales.command)
-        return [(k * whole / typical,) for k in (-0.5, -0.05, 0.05, 0.5)]
+        size = {
+            "slowed": 1.0,
+            "cornering": 1.0 / max(abs(scales.low), abs(scales.high), 1e-9),
+            "speed": scales.command / speed,
+            "acceleration": scales.command * scales.duration / (20.0 * speed),
+        }.get(self.by, scales.command)
+        return [(k * size,) for k in (-0.5, -0.05, 0.05, 0.5)]
 
     def command(self, u: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
         acting = {

@@ -1,6 +1,6 @@
 """All plants of a vehicle from its logs, each from those logs that move it."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 from vdmsi_jax.config import IdentifyOptions, PlantSpec
 from vdmsi_jax.data import check_excitation
@@ -26,19 +26,25 @@ def identify_vehicle(
     **Raises:** `InputError` if nothing can be identified.
     """
     several = [records] if isinstance(records, Record) else list(records)
-    found = dict(each_plant(several, options=options))
-    grids = {name: grid for name, grid in found.items() if isinstance(grid, OrderGrid)}
+    return identified_and_refused(several, options=options)[0]
+
+
+def identified_and_refused(
+    records: Sequence[Record], *, options: IdentifyOptions | None = None
+) -> tuple[dict[str, OrderGrid], dict[str, InputError]]:
+    """The grids of the plants that the records name, and why others have none, by their names.
+
+    **Raises:** `InputError` if nothing can be identified, with the reasons of all plants, each
+    once.
+    """
+    grids, refused = {}, {}
+    for name, found in each_plant(records, options=options):
+        (refused if isinstance(found, InputError) else grids)[name] = found
     if not grids:
-        refused = {name: why for name, why in found.items() if isinstance(why, InputError)}
-        raise none_identified(refused)
-    return grids
-
-
-def none_identified(refused: Mapping[str, InputError]) -> InputError:
-    """What to say where every plant was refused: the reasons of all of them, each once."""
-    first, *others = {str(why): why for why in refused.values()}.values()
-    mend = "; ".join([first.mend, *map(str, others)])
-    return InputError(first.source, first.place, first.problem, mend)
+        first, *others = {str(why): why for why in refused.values()}.values()
+        mend = "; ".join([first.mend, *map(str, others)])
+        raise InputError(first.source, first.place, first.problem, mend)
+    return grids, refused
 
 
 def each_plant(

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from .. import plots
-from ..compare import SUCCESSFUL, Comparison, Prediction
+from ..compare import Comparison, Prediction
 from .identification import what_was_read
 from .page import Block, Page, Picture, Section, Table, Text, Tiles
 from .phrases import capital, ended
@@ -37,9 +37,7 @@ def _run(i: int, comparison: Comparison) -> Section:
         if comparison.with_measured and all(p.windows is not None for p in compared):
             blocks.append(Text(_where_the_rest_comes_from(comparison)))
     blocks += [
-        Text(f"{name}: {p.status}", kind="warning")
-        for name, p in predictions.items()
-        if p.status != SUCCESSFUL
+        Text(f"{name}: {p.status}", kind="warning") for name, p in predictions.items() if not p.ok
     ]
     channels = list(dict.fromkeys(c for p in predictions.values() for c in p.scores))
     if comparison.lacking:
@@ -71,18 +69,13 @@ def _run(i: int, comparison: Comparison) -> Section:
 
 
 def _tiles(comparison: Comparison) -> Tiles:
-    window = f"{comparison.window:g} s"
-    return Tiles(
-        [
-            (f"{name}: mean translation error", f"{number(p.whole.ate['mean'], 3)} m", remark)
-            for name, p in comparison.predictions.items()
-            if p.whole is not None
-            for over in [p.windows and number(p.windows.ate["mean"], 3)]
-            for remark in [
-                comparison.stretch + ("" if over is None else f"; {over} m over {window} windows")
-            ]
-        ]
-    )
+    tiles = []
+    for name, p in comparison.predictions.items():
+        if p.whole is not None and p.windows is not None:
+            whole, over = (f"{number(e.ate['mean'], 3)} m" for e in (p.whole, p.windows))
+            remark = f"{comparison.stretch}; {over} over {comparison.window:g} s windows"
+            tiles.append((f"{name}: mean translation error", whole, remark))
+    return Tiles(tiles)
 
 
 def _errors(comparison: Comparison) -> list[Table]:
@@ -100,21 +93,19 @@ def _errors(comparison: Comparison) -> list[Table]:
         told.append(
             f"Gaps part the log into {stretches} stretches; each starts at its measured pose."
         )
-    kinds = {"translation error (m)": _translations, "heading error (rad)": _headings}
+    names = [p.name for p in (*models, *floor)]
+    columns = [_statistics(p, comparison) for p in (*models, *floor)]
+    positions, headings = (
+        [{kind: both[i] for kind, both in column.items()} for column in columns] for i in (0, 1)
+    )
     return [
-        _table(
-            kind,
-            [p.name for p in (*models, *floor)],
-            [statistics(p, comparison) for p in (*models, *floor)],
-            len(models),
-            " ".join(told) if kind.startswith("translation") else "",
-        )
-        for kind, statistics in kinds.items()
+        _table("translation error (m)", names, positions, len(models), " ".join(told)),
+        _table("heading error (rad)", names, headings, len(models)),
     ]
 
 
 def _table(
-    what: str, names: list[str], columns: list[dict[str, Any]], models: int, caption: str
+    what: str, names: list[str], columns: list[dict[str, Any]], models: int, caption: str = ""
 ) -> Table:
     """A column for each name, of which the first are the models to be set against each other."""
     rows = []
@@ -159,26 +150,17 @@ def _where_the_rest_comes_from(comparison: Comparison) -> str:
     return f"{told} So {most} of what better actuator models could take off is the {name}'s."
 
 
-def _translations(prediction: Prediction, comparison: Comparison) -> dict[str, Any]:
-    assert prediction.whole is not None and prediction.windows is not None
-    kinds: dict[str, Any] = {
-        f"{comparison.stretch}, from its start": prediction.whole.ate,
-        f"{comparison.window:g} s windows": prediction.windows.ate,
-        f"{comparison.stretch}, aligned": prediction.aligned,
+def _statistics(prediction: Prediction, comparison: Comparison) -> dict[str, tuple[Any, Any]]:
+    """By kind of error, those of the position and of the heading; None where one has no such."""
+    whole, windows, relative = prediction.whole, prediction.windows, prediction.relative
+    assert whole is not None and windows is not None
+    kinds: dict[str, tuple[Any, Any]] = {
+        f"{comparison.stretch}, from its start": (whole.ate, whole.turned),
+        f"{comparison.window:g} s windows": (windows.ate, windows.turned),
+        f"{comparison.stretch}, aligned": (prediction.aligned, None),
     }
-    if prediction.relative is not None:
-        kinds[f"over every {prediction.relative.distance:g} m"] = prediction.relative.translation
-    return kinds
-
-
-def _headings(prediction: Prediction, comparison: Comparison) -> dict[str, Any]:
-    assert prediction.whole is not None and prediction.windows is not None
-    kinds: dict[str, Any] = {
-        f"{comparison.stretch}, from its start": prediction.whole.turned,
-        f"{comparison.window:g} s windows": prediction.windows.turned,
-    }
-    if prediction.relative is not None:
-        kinds[f"over every {prediction.relative.distance:g} m"] = prediction.relative.heading
+    if relative is not None:
+        kinds[f"over every {relative.distance:g} m"] = relative.translation, relative.heading
     return kinds
 
 
