@@ -10,8 +10,9 @@ jax.config.update("jax_enable_x64", True)
 
 
 LONGEST = (
-    *("test_notebooks", "test_cli", "test_plants", "test_simulate", "test_hunt", "test_recovery"),
-    *("test_diagnose", "test_extended_plant", "test_extended_vehicle", "test_floors"),
+    *("test_notebooks", "test_results", "test_usage", "test_sweep", "test_plants", "test_simulate"),
+    *("test_hunt", "test_recovery", "test_diagnose", "test_extended_plant"),
+    *("test_extended_vehicle", "test_floors"),
 )
 """Files that take a minute or more. They come first, so that no worker is left with one at last;
 xdist must be told not to sort them otherwise (`--no-loadscope-reorder`)."""

@@ -1,0 +1,100 @@
+"""`vdmsi sweep`: cells that are kept, and configurations beside the logs."""
+
+import json
+
+from commands import DEMO
+from small_logs import drive, write_csv
+
+
+def test_a_sweep_goes_on_where_it_was_stopped(here, tmp_path, settings):
+    config = tmp_path / "sweep.toml"
+    runs = [
+        (DEMO / "powertrain_steps.csv", "powertrain"),
+        (DEMO / "steering_steps.csv", "steering"),
+    ]
+    config.write_text(
+        "[identify]\npoles = [1, 2]\nzeros = [0, 1, 2]\n[sweep]\nruns = [\n"
+        + "".join(
+            f'{{ log = "{log}", config = "{settings}", plants = ["{plant}"] }},\n'
+            for log, plant in runs
+        )
+        + "]\n"
+    )
+    done = here("sweep", config, "--out", tmp_path / "out")
+    assert (done.returncode, done.stderr) == (0, "")
+    cells = sorted((tmp_path / "out" / "cells").iterdir())
+    assert len(cells) == 2
+    report = (tmp_path / "out" / "report.html").read_text()
+    assert report.count("<svg ") == 1 and "P1Z2" in report and "steering_steps.csv" in report
+    finished = {cell: cell.stat().st_mtime_ns for cell in cells}
+    summary = (tmp_path / "out" / "sweep.json").read_text()
+
+    cells[0].unlink()  # as if the sweep had been stopped before it
+    cells[1].write_text(cells[1].read_text())
+    kept = cells[1].stat().st_mtime_ns
+    done = here("sweep", config, "--out", tmp_path / "out")
+    assert done.returncode == 0
+    assert cells[0].stat().st_mtime_ns != finished[cells[0]]
+    assert cells[1].stat().st_mtime_ns == kept, "a finished cell was made again"
+    assert (tmp_path / "out" / "sweep.json").read_text() == summary
+
+    config.write_text(config.read_text().replace("[identify]", "[identify]\nfit_loss = 30.0"))
+    assert here("sweep", config, "--out", tmp_path / "out").returncode == 0
+    assert json.loads(cells[0].read_text())["chosen"] == "P1Z0", "a changed cell was kept"
+
+
+def test_cells_of_a_sweep_have_files_of_their_own(here, tmp_path):
+    """Whatever plants are called, and where logs of one name lie in folders of one name."""
+    logs = []
+    for folder in ("a/day", "b/day"):
+        (tmp_path / folder).mkdir(parents=True)
+        logs.append(write_csv(tmp_path / folder / "run.csv", drive()))
+        logs[-1].write_text(logs[-1].read_text() + f"2.0,1.0,0.1,{1.0 + len(logs) / 10},0.1\n")
+    plants = ["left/right", "n" * 300]
+    named = "".join(
+        f'[[plants]]\nname = "{name}"\ninput = "v_cmd"\noutput = "v"\n' for name in plants
+    )
+    (tmp_path / "plants.toml").write_text(named)
+    runs = "".join(f'{{ log = "{log}", config = "plants.toml" }},' for log in logs)
+    (tmp_path / "sweep.toml").write_text(
+        f"[identify]\npoles = [1]\nzeros = [0]\n[sweep]\nruns = [{runs}]\n"
+    )
+    done = here("sweep", tmp_path / "sweep.toml", "--out", tmp_path / "out", "--no-report")
+    assert done.returncode == 0, done.stderr
+    cells = sorted((tmp_path / "out" / "cells").iterdir())
+    assert len(cells) == 4
+    assert {json.loads(cell.read_text())["plant"] for cell in cells} == set(plants)
+    for cell in cells:  # what someone else has put there
+        cell.write_text(json.dumps([1] if cell == cells[0] else {"key": "none"}))
+    done = here("sweep", tmp_path / "sweep.toml", "--out", tmp_path / "out", "--no-report")
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_refused_log_does_not_stop_a_sweep(here, tmp_path, settings):
+    (tmp_path / "bad.csv").write_text("t,v_cmd,v\n0,1,oops\n")
+    config = tmp_path / "sweep.toml"
+    good = DEMO / "steering_steps.csv"
+    config.write_text(
+        "[identify]\npoles = [1, 2]\nzeros = [0, 1, 2]\n[sweep]\nruns = [\n"
+        f'{{ log = "bad.csv", config = "{settings}", plants = ["powertrain"] }},\n'
+        f'{{ log = "{good}", config = "{settings}", plants = ["steering"] }}]\n'
+    )
+    done = here("sweep", config, "--out", tmp_path / "out")
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1 and "bad.csv" in done.stderr
+    rows = json.loads((tmp_path / "out" / "sweep.json").read_text())["cells"]
+    assert "refused" in rows[0] and rows[1]["fit"] > 80.0
+
+
+def test_a_configuration_beside_the_log_says_which_orders(here, tmp_path, settings):
+    (tmp_path / "log.csv").write_bytes((DEMO / "steering_steps.csv").read_bytes())
+    vehicle = settings.read_text().split("[identify]")[0]
+    (tmp_path / "vehicle.toml").write_text(vehicle + "[identify]\npoles = [1]\nzeros = [0]\n")
+    (tmp_path / "sweep.toml").write_text('[sweep]\nruns = [{ log = "log.csv" }]\n')
+    done = here("identify", tmp_path / "log.csv", "--out", tmp_path / "out", "--no-report")
+    assert done.returncode == 0, done.stderr
+    found = json.loads((tmp_path / "out" / "identify.json").read_text())
+    assert list(found["plants"]["steering"]["orders"]) == ["P1Z0"]
+    done = here("sweep", tmp_path / "sweep.toml", "--out", tmp_path / "swept", "--no-report")
+    (cell,) = (tmp_path / "swept" / "cells").glob("*steering.json")
+    assert list(json.loads(cell.read_text())["orders"]) == ["P1Z0"]
