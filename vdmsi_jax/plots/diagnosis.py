@@ -209,7 +209,7 @@ def budget(d: Diagnosis) -> Figure:
     each cause, of the noise, and of what stays unexplained."""
     labels, pad = [_budget_label(b) for b in d.budget], _over_budget(_responsible(d.budget))
     height = 1.5 + 0.5 * max(len(d.budget), 1)
-    figure = framed(height, left=room_for(labels), top=0.25 + pad / 72.0)
+    figure = framed(height, left=room_for(labels), right=0.2, top=0.25 + pad / 72.0)
     _draw_budget(figure.subplots(), d.budget)
     return figure
 
