@@ -6,14 +6,19 @@ functions and identifies none. What a model is worth is told alike for all, by t
 run on the record of `identification.py`. Times are medians of the repeats, by turns and with one
 BLAS thread; CPU time stands beside wall time, since this package uses several threads.
 
-    python benchmarks/packages.py [--quick] [--json FILE]
+    python benchmarks/packages.py [--quick] [--json FILE] [--jax-sysid PYTHON]
+
+jax-sysid needs an environment of its own (`python -m venv DIR; DIR/bin/pip install jax-sysid`),
+whose Python is given as PYTHON; the two processes take turns.
 """
 
 import argparse
 import json
 import os
 import statistics
+import subprocess
 import sys
+import time
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -23,7 +28,7 @@ import control
 import jax
 import numpy as np
 import scipy.signal
-from identification import DT, PLANT, SAMPLES, signals, timed
+from identification import DT, PLANT, SAMPLES, signals
 from scipy_peers import fit_percent
 from sippy_unipi import system_identification
 from sysidentpy.basis_function import Polynomial
@@ -86,10 +91,45 @@ IDENTIFY = {
 }
 
 
+class JaxSysid:
+    """A process of another Python, which fits when it is called."""
+
+    def __init__(self, python: str, u: Floats, y: Floats):
+        script = Path(__file__).with_name("jax_sysid_peer.py")
+        pipe = subprocess.PIPE
+        self.cpu_time = 0.0  # s, of its fits up to now
+        self.process = subprocess.Popen([python, script], stdin=pipe, stdout=pipe, text=True)
+        self._tell(json.dumps({"u": u.tolist(), "y": y.tolist()}))
+
+    def _tell(self, line: str) -> None:
+        print(line, file=self.process.stdin, flush=True)
+
+    def __call__(self) -> list[Floats]:
+        self._tell("fit")
+        assert self.process.stdout is not None
+        line = self.process.stdout.readline()
+        if not line:
+            raise SystemExit(f"{self.process.args[0]} does not run jax_sysid_peer.py (see above)")
+        answer = json.loads(line)
+        self.cpu_time += answer["cpu"]
+        return [np.asarray(free) for free in answer["predicted"]]
+
+
+def timed(run: Callable[[], Any]) -> tuple[Any, float, float]:
+    """What it makes, and its wall and CPU time, that of another process included."""
+
+    def cpu() -> float:
+        return time.process_time() + getattr(run, "cpu_time", 0.0)
+
+    began, used = time.perf_counter(), cpu()
+    made = run()
+    return made, time.perf_counter() - began, cpu() - used
+
+
 def by_turns(runs: dict[str, Callable[[], Any]], repeats: int) -> tuple[dict, dict, dict]:
     """What each makes, and medians of its wall and CPU time; the first turn, which compiles, is not
     counted."""
-    turns = [{name: timed(run, 1) for name, run in runs.items()} for _ in range(repeats + 1)]
+    turns = [{name: timed(run) for name, run in runs.items()} for _ in range(repeats + 1)]
     made = {name: turns[-1][name][0] for name in runs}
     wall, cpu = (
         {name: statistics.median(turn[name][k] for turn in turns[1:]) for name in runs}
@@ -98,14 +138,20 @@ def by_turns(runs: dict[str, Callable[[], Any]], repeats: int) -> tuple[dict, di
     return made, wall, cpu
 
 
-def identification(repeats: int) -> dict[str, Any]:
+def identification(repeats: int, jax_sysid: str | None) -> dict[str, Any]:
     """What each package makes of one record."""
     u, y = signals(SAMPLES)
-    runs = {name: lambda run=run: run(u, y) for name, (_, run) in IDENTIFY.items()}
+    runs: dict[str, Callable[[], Any]] = {
+        name: lambda run=run: run(u, y) for name, (_, run) in IDENTIFY.items()
+    }
+    works = {name: work for name, (work, _) in IDENTIFY.items()}
+    if jax_sysid:
+        runs["jax-sysid"] = JaxSysid(jax_sysid, u, y)
+        works["jax-sysid"] = "5 orders, discrete, simulation error"
     predicted, wall, cpu = by_turns(runs, repeats)
     print(f"\n{SAMPLES} samples; times; ratios; FIT of the free run with 1 to 5 poles")
     rows = {}
-    for name, (work, _) in IDENTIFY.items():
+    for name, work in works.items():
         row = rows[name] = {
             "wall": wall[name],
             "cpu": cpu[name],
@@ -144,6 +190,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", type=Path)
     parser.add_argument("--quick", action="store_true", help="one repeat")
+    parser.add_argument("--jax-sysid", metavar="PYTHON", help="a Python that has jax-sysid")
     options = parser.parse_args()
     if "OPENBLAS_NUM_THREADS" not in os.environ:  # NumPy reads it when it is imported
         os.environ["OPENBLAS_NUM_THREADS"] = "1"
@@ -151,7 +198,10 @@ def main() -> None:
     jax.config.update("jax_enable_x64", True)
     warnings.simplefilter("ignore")
     repeats = 1 if options.quick else 5
-    result = {"identification": identification(repeats), "simulation": simulation(20 * repeats)}
+    result = {
+        "identification": identification(repeats, options.jax_sysid),
+        "simulation": simulation(20 * repeats),
+    }
     if options.json:
         options.json.write_text(json.dumps(result, indent=2))
 
