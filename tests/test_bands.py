@@ -111,3 +111,19 @@ def test_roots_move_as_their_covariance_says(fit, samples, uncertainty, columns)
         sampled = np.cov(np.real(found), np.imag(found))
         scale = np.trace(root.covariance)
         np.testing.assert_allclose(root.covariance, sampled, atol=0.1 * scale)
+
+
+def test_an_order_that_ended_as_a_smaller_one_has_its_uncertainty():
+    smaller = made_up.fit("P2Z1", made_up.record())
+    status = f"no better than what it contains: {smaller.order}"
+    fit = dataclasses.replace(smaller, order="P3Z2", status=status, supported=False)
+    t = np.linspace(0.0, settling_time(smaller), 30)
+    for name in ("value", "low", "high"):
+        np.testing.assert_array_equal(
+            getattr(step_band(fit, t), name), getattr(step_band(smaller, t), name)
+        )
+    for uncertainty, count in ((pole_uncertainty, 2), (zero_uncertainty, 1)):
+        found, known = uncertainty(fit), uncertainty(smaller)
+        assert [root.value for root in found] == [root.value for root in known]
+        np.testing.assert_array_equal([r.covariance for r in found], [r.covariance for r in known])
+        assert len(found) == count

@@ -202,6 +202,29 @@ def test_the_yaw_rate_is_predicted_where_no_pose_was_measured(model):
     assert comparison.lacking == ""
 
 
+def test_a_heading_alone_is_where_each_segment_starts(model):
+    channels = drive()
+    turned = {name: channels[name] for name in ("v_cmd", "delta_cmd", "v", "delta")}
+    turned["psi"] = channels["psi"] + 1.5 - channels["psi"][0]
+    whole = record(turned)
+    for log in (whole, whole.select([Segment(0, 1200), Segment(1300, 2000)])):
+        vdm_si = compare(log, model).predictions["VDM-SI"]
+        for segment in log.segments:
+            assert vdm_si.channels["psi"][segment.start] == log["psi"][segment.start]
+        assert vdm_si.scores["psi"].fit > 99.0
+        assert vdm_si.whole is None
+
+
+@pytest.mark.parametrize("told", [("x",), ("y",), ("x", "y"), ("x", "psi")])
+def test_half_a_pose_is_not_scored(model, told):
+    channels = drive(n=600)
+    kept = ("v_cmd", "delta_cmd", "v", "delta", *told)
+    comparison = compare(record({name: channels[name] for name in kept}), model)
+    for prediction in comparison.predictions.values():
+        assert set(prediction.scores) == {"v", "delta"} | ({"psi"} & set(told))
+        assert prediction.whole is None
+
+
 def test_a_path_without_a_pose_goes_on_behind_a_gap(model):
     channels = drive(n=1000)
     told = {name: channels[name] for name in ("v_cmd", "delta_cmd")}

@@ -6,6 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from effects.worlds import WORLDS, filled, label
+from vdmsi_jax.config import PlantSpec, VehicleGeometry
 from vdmsi_jax.effects import VEHICLE
 from vdmsi_jax.effects.backlash import Backlash
 from vdmsi_jax.effects.bank import COMPLIANCE, Bank
@@ -18,6 +20,8 @@ from vdmsi_jax.effects.speed_scale import SpeedScale
 from vdmsi_jax.effects.transport_delay import TransportDelay
 from vdmsi_jax.effects.tyre_relaxation import TyreRelaxation
 from vdmsi_jax.effects.understeer import Understeer
+from vdmsi_jax.effects.yaw_inertia import YawInertia
+from vdmsi_jax.model_file import Model, Plant, load_model, save_model
 from vdmsi_jax.models.bicycle import Bicycle
 from vdmsi_jax.models.extended_plant import ExtendedPlant
 from vdmsi_jax.models.transfer_function import TransferFunction
@@ -54,6 +58,27 @@ def test_effects_that_are_off_change_nothing():
     drive, start = commands(), Start(1.0, -2.0, 0.3)
     plain = simulate(vehicle(), drive, start)
     assert apart(plain, simulate(vehicle(*VEHICLE), drive, start)) < 1e-12
+
+
+def late(*effects, delays):
+    powertrain = TransferFunction([4.5], [1.0, 5.0], delay=delays[0])
+    steering = TransferFunction([9.3], [1.0, 10.0], delay=delays[1])
+    return simulate(vehicle(*effects, powertrain=powertrain, steering=steering), commands())
+
+
+@pytest.mark.parametrize("effect", VEHICLE, ids=label)
+def test_jumps_may_fall_on_a_row_or_together(effect):
+    on = filled((effect,), jnp.asarray(effect.probes(WORLDS[0].scales)[0]))
+    for delays, apart_by_little in (
+        ((None, 3 * DT), (None, 3 * DT + 1e-7)),
+        ((0.0, 3 * DT), (1e-7, 3 * DT + 1e-7)),
+        ((0.0234, 0.0234), (0.0234, 0.0234 + 1e-7)),
+    ):
+        bare, moved = late(delays=delays), late(*on, delays=delays)
+        assert apart(late(effect, delays=delays), bare) < 1e-12
+        assert np.isfinite(moved.poses).all() and np.isfinite(moved.r).all()
+        assert apart(moved, bare) > 1e-3
+        assert apart(moved, late(*on, delays=apart_by_little), ("x", "y", "psi")) < 1e-5
 
 
 def test_quadrature_is_the_solver_where_nothing_remembers():
@@ -109,6 +134,20 @@ def test_relaxed_tyres_follow_over_the_way(powertrain):
     np.testing.assert_allclose(path.psi, turned, atol=2e-4)
     np.testing.assert_allclose(path.r, rate, atol=1e-3)
     assert apart(path, simulate(vehicle(powertrain=powertrain), drive), ("psi",)) > 0.01
+
+
+def test_a_body_with_inertia_comes_back_from_its_file(tmp_path):
+    plants = {}
+    for name, output, own in (("powertrain", "v", POWERTRAIN), ("steering", "delta", STEERING)):
+        at_once = TransferFunction(own.num, own.den, delay=0.0, offset=0.0)
+        plants[name] = Plant(PlantSpec(name, f"{output}_cmd", output), at_once)
+    model = Model(plants, VehicleGeometry(1.75, 1.2), (YawInertia(0.005),))
+    loaded = load_model(save_model(tmp_path / "model.json", model))
+    for plant in loaded.plants.values():
+        assert plant.model.delay is None and plant.model.offset is None
+    path = simulate(model, commands())
+    assert np.isfinite(path.poses).all()
+    assert apart(path, simulate(loaded, commands())) < METRES
 
 
 def test_actuators_hear_each_other():

@@ -138,6 +138,27 @@ def test_the_residual_tells_size_and_memory():
     assert silent.std < 0.01 and abs(rest - 0.05) < 0.002
 
 
+def test_a_residual_with_holes_tells_nearly_the_same():
+    whole = coloured(60_000, 0.04, np.exp(-DT / 0.8), 0) + white(60_000, 0.05, 1)
+    holes = np.random.default_rng(2).random(whole.size) < 0.1
+    holes[20_000:26_000] = True
+    told, rest = GaussMarkov.of_residual(np.where(holes, np.nan, whole), DT)
+    process, expected = GaussMarkov.of_residual(whole, DT)
+    np.testing.assert_allclose(
+        [told.std, told.time_constant, rest],
+        [process.std, process.time_constant, expected],
+        rtol=0.1,
+    )
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_a_residual_that_tells_nothing_is_refused(value):
+    residual = np.full(100, np.nan) if np.isnan(value) else white(100, 0.05, 1)
+    residual[50] = value
+    with pytest.raises(ValueError, match="four known values or more, all of them finite"):
+        GaussMarkov.of_residual(residual, DT)
+
+
 def test_without_noise_it_is_the_simulation():
     """The trapezoidal rule of the filter against the quadrature, over 40 s of sharp commands."""
     vehicle, known = models()["VDM-SI"], drive(3)

@@ -66,7 +66,7 @@ def step_band(fit: Fit, t: Float[np.ndarray, " k"], level: float = 0.95) -> Band
     def response(theta):
         free = "delay" in fit.parameter_names
         delay = theta[fit.parameter_names.index("delay")] if free else model.delay
-        den = jnp.concatenate([jnp.ones(1), theta[n : n + fit.n_poles]])
+        den = jnp.concatenate([jnp.ones(1), theta[n : n + len(model.den) - 1]])
         return TransferFunction(theta[:n], den, delay=delay).step_response(jnp.asarray(t))
 
     theta = jnp.asarray(fit.parameters)
@@ -101,14 +101,14 @@ def frequency_bands(
 def pole_uncertainty(fit: Fit) -> list[Root]:
     """The poles with their covariances."""
     model = _model(fit)
-    names = [f"a{k}" for k in reversed(range(fit.n_poles))]
+    names = [f"a{k}" for k in reversed(range(len(model.den) - 1))]
     return _roots(fit, np.asarray(model.den), fit.poles, names)
 
 
 def zero_uncertainty(fit: Fit) -> list[Root]:
     """The finite zeros with their covariances."""
     model = _model(fit)
-    names = [f"b{k}" for k in reversed(range(fit.n_zeros + 1))]
+    names = [f"b{k}" for k in reversed(range(len(model.num)))]
     return _roots(fit, np.asarray(model.num), fit.zeros[np.isfinite(fit.zeros)], names)
 
 

@@ -111,6 +111,15 @@ class PlantSpec:
         """Both channels."""
         return self.input, self.output
 
+    @property
+    def role(self) -> str:
+        """What it is in a vehicle, whatever it is called: `powertrain` and `steering` answer by the
+        speed and the wheels' angle to the commands of these (or have that name); else `plant`."""
+        for own in DEFAULT_PLANTS:
+            if self.output == own.output and (self.input == own.input or self.name == own.name):
+                return own.name
+        return "plant"
+
 
 DEFAULT_PLANTS = (
     PlantSpec("powertrain", "v_cmd", "v"),
@@ -224,7 +233,7 @@ class Derivation:
         _require(fine, self, "rule", problem, nearest(self.rule or "", RULES))
         fine = self.expression is None or self.unit is not None
         _require(fine, self, "unit", "missing", 'give that of the expression, as unit = "rad/s"')
-        fine = self.window is None or self.window > 0.0
+        fine = self.window is None or 0.0 < self.window < math.inf
         _require(fine, self, "window", f"{self.window} is no duration", "give seconds")
         problem = f"{self.min_speed} is no limit"
         _require(self.min_speed > 0.0, self, "min_speed", problem, "give m/s, more than zero")
@@ -239,7 +248,6 @@ class IdentifyOptions:
         zeros: numbers of zeros of the order grid.
         delay: whether a transport delay is a parameter; a number is its upper bound in s.
         offset: whether a constant offset of the output is a parameter.
-        initial_state: whether the state at the start of each segment is estimated.
         held_out: share of the record that no fit sees.
         split: what is held out: `blocks` of each segment, or whole runs (`run`).
         fit_loss: points of FIT that the paper's rule gives up for a smaller order.
@@ -249,7 +257,6 @@ class IdentifyOptions:
     zeros: tuple[int, ...] = (0, 1, 2, 3, 4, 5)
     delay: bool | float = True
     offset: bool = True
-    initial_state: bool = True
     held_out: float = 0.25
     split: Literal["blocks", "run"] = "blocks"
     fit_loss: float = 0.5

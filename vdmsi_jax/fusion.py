@@ -18,7 +18,7 @@ from jax import lax
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from vdmsi_jax.models.commands import Commands
-from vdmsi_jax.models.linear_plant import LinearPlant
+from vdmsi_jax.models.linear_plant import LinearPlant, delayed
 from vdmsi_jax.models.plant import AbstractPlant
 from vdmsi_jax.models.vehicle import Vehicle
 
@@ -48,21 +48,31 @@ class GaussMarkov(eqx.Module):
         taken out, since an error that never changes is one too.
 
         Args:
-            residual: of a log without gaps, at best one that no fit has seen.
+            residual: of a log without gaps, at best one that no fit has seen; NaN where nothing
+                was measured, as `Fit.residual` has it.
             dt: sample period, s.
 
         Returns:
             The process, and the standard deviation of the white part.
+
+        Raises:
+            ValueError: less than four values are known, or one is infinite.
         """
         e = np.asarray(residual, float)
+        known = ~np.isnan(e)
+        if known.sum() < 4 or np.isinf(e).any():
+            raise ValueError("a residual needs four known values or more, all of them finite")
+        e = np.where(known, e, 0.0)
         lags = np.arange(1, min(round(_SPAN / dt), e.size // 3) + 1)
-        covariance = np.array([e[k:] @ e[:-k] for k in lags]) / e.size
+        pairs = np.array([np.sum(known[k:] & known[:-k]) for k in lags])
+        products = np.array([e[k:] @ e[:-k] for k in lags])
+        covariance = products / np.maximum(pairs, 1) * (e.size - lags) / e.size
         times = np.geomspace(*_TIMES, 60)
         shapes = np.exp(-lags * dt / times[:, None])
         sizes = np.maximum(shapes @ covariance / np.sum(shapes**2, axis=1), 0.0)
         misfit = np.sum((covariance - sizes[:, None] * shapes) ** 2, axis=1)
         best = int(np.argmin(misfit))
-        white = max(float(e @ e) / e.size - sizes[best], 0.0)
+        white = max(float(e @ e) / known.sum() - sizes[best], 0.0)
         return GaussMarkov(np.sqrt(sizes[best]), times[best]), float(np.sqrt(white))
 
 
@@ -225,11 +235,8 @@ class _Input(NamedTuple):
 
 
 def _held(plant: LinearPlant, u: Array, dt: Array) -> _Input:
-    delay = jnp.zeros(()) if plant.delay is None else plant.delay
-    whole = jnp.ceil(delay / dt)
-    at = jnp.arange(u.shape[0]) - whole.astype(int)
-    early, late = (u[jnp.clip(i, 0, u.shape[0] - 1)] for i in (at, at + 1))
-    return _Input(early, late, jnp.full(u.shape, whole * dt - delay))
+    early, late, rest = delayed(u, jnp.zeros(()) if plant.delay is None else plant.delay, dt)
+    return _Input(early, late, jnp.full(u.shape, rest))
 
 
 def _advanced(plant: LinearPlant, x: Array, u: _Input, dt: Array) -> tuple[Array, Array]:

@@ -133,6 +133,8 @@ def show_diagnosis(diagnosis: "Diagnosis") -> None:
     from .diagnose.document import left_over, title
     from .diagnose.words import disturbed, in_words, verdict
 
+    for told in diagnosis.contradictions:
+        OUT.print(told, style="bold", soft_wrap=True, markup=False)
     OUT.print(f"{verdict(diagnosis)}.", style="bold", soft_wrap=True)
     for i, finding in enumerate(diagnosis.findings, start=1):
         _say(f"{i}. {finding.sentence}")
@@ -142,18 +144,18 @@ def show_diagnosis(diagnosis: "Diagnosis") -> None:
         [
             f"{i}. {in_words(finding.cause)}",
             gain.channel,
-            f"{gain.before:.2f}",
-            f"{gain.after:.2f}",
-            f"{gain.after - gain.before:+.2f}" + (f" ± {gain.se:.2f}" if gain.se > 0.0 else ""),
+            f"{gain.before:.1f}",
+            f"{gain.after:.1f}",
+            f"{gain.after - gain.before:+.1f}" + (f" ± {gain.se:.1f}" if gain.se > 0.0 else ""),
             *("–" if e is None else f"{e:.3f}" for e in (gain.ate_before, gain.ate_after)),
         ]
         for i, finding in enumerate(diagnosis.findings, start=1)
         for gain in [finding.gain]
     ]
     if rows:
-        header = ["cause", "channel", "FIT %", "with it %", "gain", "mean error m", "with it m"]
+        header = ["cause", "channel", "FIT %", "with it", "gain", "error m", "with it"]
         show_table(header, rows)
-    for left in diagnosis.unexplained:
+    for left in diagnosis.unexplained[len(diagnosis.contradictions) :]:
         _say(left_over(left))
     for left in diagnosis.disturbances:
         _say(disturbed(left))

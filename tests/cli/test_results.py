@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import re
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from small_logs import drive, write_csv
 from vdmsi_jax import cli
 from vdmsi_jax.errors import InputError
 from vdmsi_jax.identify import vehicle
+from vdmsi_jax.report.text import number, percent
 
 
 @pytest.fixture(scope="module")
@@ -123,6 +125,29 @@ def test_simulate_takes_a_model_with_effects(vdmsi, tmp_path):
     assert np.loadtxt(out / "bend.extended.tum").shape[1] == 8
     html = (out / "report.html").read_text()
     assert "VDM, VDM-SI and extended" in html and html.count("<svg") == 3
+
+
+def test_a_response_of_another_unit_than_its_command_has_no_score_without_a_model(here, tmp_path):
+    t = 0.01 * np.arange(400)
+    u = np.repeat([0.0, 6.0, 3.0, 9.0], 100)
+    w = np.convolve(u, 20.0 * 0.05 * 0.95 ** np.arange(200))[: t.size]
+    log = write_csv(tmp_path / "motor.csv", {"t": t, "u": u, "w": w})
+    (tmp_path / "motor.toml").write_text(
+        '[units]\nu = "V"\nw = "rad/s"\n[[plants]]\nname = "motor"\ninput = "u"\noutput = "w"\n'
+    )
+    plant = {"input": "u", "output": "w", "num": [100.0], "den": [1.0, 5.0]}
+    model = {"schema": "vdmsi.model/1", "plants": {"motor": plant}}
+    (tmp_path / "model.json").write_text(json.dumps(model))
+    out = tmp_path / "out"
+    asked = ["simulate", tmp_path / "model.json", log, "--config", tmp_path / "motor.toml"]
+    done = here(*asked, "--out", out)
+    assert (done.returncode, done.stderr) == (0, "")
+    run = json.loads((out / "simulation.json").read_text())["runs"][0]
+    assert "w" not in run["vdm"]["channels"] and run["vdm_si"]["channels"]["w"]["fit"] > 90.0
+    (row,) = re.findall(r"<tr[^>]*><td[^>]*>w</td>.*?</tr>", (out / "report.html").read_text())
+    cells = re.findall(r"<td[^>]*>([^<]*)</td>", row)
+    fit, mse = (run["vdm_si"]["channels"]["w"][name] for name in ("fit", "mse"))
+    assert cells == ["w", "–", percent(fit), "–", number(mse)]
 
 
 def test_a_model_that_runs_away_is_told(here, tmp_path):

@@ -89,6 +89,15 @@ def test_bad_files(tmp_path, case):
         assert part in told
 
 
+def test_moments_of_a_log_that_counts_from_an_epoch_are_told_from_its_first_row(tmp_path):
+    columns = drive()
+    columns["t"] = np.asarray(columns["t"]) + 1.7e9
+    columns["v"] = [float("nan") if k == 50 else x for k, x in enumerate(columns["v"])]
+    config = Config(prepare=Prepare(missing="interpolate"))
+    log = read_log(write_csv(tmp_path / "run.csv", columns), config)
+    assert any("the first 0.5 s after its first row" in told for told in log.repairs)
+
+
 def test_long_names_of_columns_are_cut(tmp_path):
     path = tmp_path / "run.csv"
     path.write_text(

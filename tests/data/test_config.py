@@ -98,6 +98,8 @@ def test_no_file_means_the_defaults():
         ("[identify]\ndelay = -1.0", ["[identify] delay"]),
         ("[derive]\nt = 'speed_from_pose'", ["[derive] t", "no channel"]),
         ("[derive]\na = { rule = 'speed_from_pose', window = 0 }", ["[derive] a window"]),
+        ("[derive]\na = { rule = 'speed_from_pose', window = inf }", ["[derive] a window", "inf"]),
+        ("[derive]\na = { rule = 'speed_from_pose', window = nan }", ["[derive] a window", "nan"]),
         ("[sweep]", ["[sweep] runs", "missing"]),
         ("[sweep]\nruns = []", ["[sweep] runs", "there are none", "give runs = [{ log"]),
         ("[[sweep.runs]]\nlogs = 'a'", ["[sweep] runs 1 logs", "did you mean 'log'"]),

@@ -74,6 +74,27 @@ def test_the_period_is_found_with_jitter_and_holes(dropped):
     assert sample_period(t, fresh) == pytest.approx(0.0137, rel=1e-3)
 
 
+@pytest.mark.parametrize("n", [400, 401])
+@pytest.mark.parametrize("steps", [(0.001, 0.019), (0.019, 0.001)])
+def test_rows_in_pairs_are_read_or_refused(tmp_path, steps, n):
+    """Half of the steps are so short, and half so long, that their mean is near none of them."""
+    t = np.append(0.0, np.cumsum(np.resize(steps, n - 1)))
+    try:
+        log = read(tmp_path, clean(t))
+    except InputError as why:
+        assert str(why).startswith(str(tmp_path)) and "\n" not in str(why)
+        return
+    np.testing.assert_allclose(np.diff(log.t), log.dt, rtol=1e-6)
+    np.testing.assert_allclose(log["v"], clean(log.t)["v"], atol=0.019**2 * 4 / 8)
+
+
+def test_rows_in_pairs_are_read_where_they_are_told_to_be_one_stretch(tmp_path):
+    t = np.append(0.0, np.cumsum(np.resize([0.001, 0.019], 399)))
+    log = read(tmp_path, clean(t), gap=0.1)
+    assert len(log.segments) == 1
+    np.testing.assert_allclose(log["v"], clean(log.t)["v"], atol=0.019**2 * 4 / 8)
+
+
 def test_small_jitter_is_tolerated(tmp_path):
     t = drive()["t"] + 0.0004 * np.random.default_rng(0).uniform(-1, 1, 200)
     log = read(tmp_path, drive() | {"t": t})

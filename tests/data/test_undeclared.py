@@ -53,6 +53,21 @@ def test_a_wrong_unit_is_refused_unless_it_is_declared(drive, tmp_path, name):
     np.testing.assert_allclose(right[name], read(tmp_path, drive)[name], atol=1e-9)
 
 
+def test_a_unit_in_the_name_of_a_mapped_column_is_the_one_in_which_it_is_read(drive, tmp_path):
+    def named(name: str) -> Path:
+        columns = {(name if k == "v_cmd" else k): x for k, x in drive.items()}
+        return write_csv(tmp_path / "run.csv", columns)
+
+    columns = {"v_cmd": "Soll v [km/h]"}
+    path = named(columns["v_cmd"])
+    with pytest.raises(InputError, match=r"says 'km/h', and v_cmd is read in m/s"):
+        read_log(path, Config(vehicle=CAR, columns=columns))
+    for unit, factor in (("km/h", 1 / 3.6), ("m/s", 1.0)):  # what is declared is taken at its word
+        log = read_log(path, Config(columns=columns, units={"v_cmd": unit}))
+        assert log["v_cmd"].max() == pytest.approx(factor * drive["v_cmd"].max())
+    assert "v_cmd" in read_log(named("v [raw]"), Config(columns={"v_cmd": "v [raw]"}))
+
+
 @pytest.mark.parametrize("name", ["delta", "delta_cmd"])
 def test_small_angles_in_degrees(drive, tmp_path, name):
     """One degree is an angle that a wheel may have in radians, too."""

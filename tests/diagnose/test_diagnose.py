@@ -13,7 +13,6 @@ from hidden.generator import Case, generate
 from vdmsi_jax.diagnose.body import Body
 from vdmsi_jax.diagnose.body_fit import fit_body, robust
 from vdmsi_jax.diagnose.document import diagnosis_document
-from vdmsi_jax.diagnose.signs import turned_round
 
 DEMO = Path(__file__).parents[2] / "configs" / "demo" / "fault"
 TRUE_GAP = 0.020282853292926506  # rad, as configs/demo/make_fault.py prints it
@@ -163,6 +162,24 @@ def test_logs_that_do_not_go_together_are_refused(logs):
         vj.diagnose([*logs, other])
 
 
+def test_logs_of_different_vehicles_are_refused():
+    n = 400
+    u = np.repeat(np.random.default_rng(0).uniform(1.0, 3.0, n // 20), 20)
+    v = np.convolve(u, 0.1 * 0.9 ** np.arange(60))[:n]
+    car, model, untold = (
+        vj.Record.from_arrays(dt=0.05, name=name, vehicle=vehicle, v_cmd=u, v=v)
+        for name, vehicle in (
+            ("car", vj.VehicleGeometry(1.0, 1.0)),
+            ("model", vj.VehicleGeometry(0.1, 0.1)),
+            ("untold", None),
+        )
+    )
+    told = r"^model: vehicle: another vehicle than that of car; "
+    for logs in ([car, model], [untold, car, model]):
+        with pytest.raises(vj.InputError, match=told):
+            vj.diagnose(logs)
+
+
 def test_a_refusal_names_the_files_that_were_given():
     logs = []
     for name in ("run_1", "run_2"):
@@ -181,15 +198,6 @@ def test_channels_that_some_logs_lack_are_told(logs):
     other = replace(logs[1], channels={c: logs[1][c] for c in ("delta_cmd", "delta", "r")})
     with pytest.raises(vj.InputError, match=r"run_1\.csv lacks delta, r: not looked at"):
         vj.diagnose([alone, other])
-
-
-def test_a_yaw_rate_of_the_other_sign_is_told(logs):
-    assert turned_round(logs) == []
-    turned = [replace(r, channels=r.channels | {"r": -r["r"]}) for r in logs]
-    (told,) = turned_round(turned)
-    assert told.startswith("r turns against") and "[sign] r = -1" in told
-    round_left = [replace(r, channels=r.channels | {"psi": -r["psi"]}) for r in logs]
-    assert "[sign] psi = -1" in turned_round(round_left)[0]
 
 
 @pytest.mark.slow

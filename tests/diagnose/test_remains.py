@@ -113,6 +113,14 @@ def test_a_slow_error_that_is_large_beside_the_response_is_open_whatever_was_fou
     assert not unexplained([replace(left, steady=True)], {"v"}, {}, lambda channel: 0.9)
 
 
+def test_a_large_error_of_the_yaw_rate_is_open_beside_a_cause_that_the_heading_told():
+    left = slow(when_it_jumps(wind(0.6)))
+    assert left is not None
+    left = replace(left, channel="r", size=0.18, fraction=0.74)
+    assert unexplained([left], {"psi"}, {}, lambda channel: 0.9)
+    assert not unexplained([left], {"v"}, {}, lambda channel: 1.0)
+
+
 def test_wind_that_rests_while_a_vehicle_stands_does_not_go_with_what_is_asked():
     v = np.where(T % 20.0 < 6.0, 0.0, 5.0 + np.sin(T))[None]
     error = wind(0.3) * (v > 0.0) + 0.003 * NOISE

@@ -119,6 +119,20 @@ def test_the_papers_steering_model_is_not_supported():
 
 
 @pytest.mark.parametrize(
+    ("den", "unsound"),
+    [
+        ((1.0, 2.0, -3.0), True),  # grows by e^30 in the record
+        ((1.0, 2.0, 0.0), False),
+        ((1.0, 2.0, 100.0), False),
+        ((1.0, 2.0, (1.5 * np.pi / DT) ** 2), True),  # an alias
+        ((1.0, 1000.0), False),
+    ],
+)
+def test_which_models_no_simulation_should_get(den, unsound):
+    assert any(r.unsound for r in remarks((5.0,), den)) == unsound
+
+
+@pytest.mark.parametrize(
     ("num", "den", "relative", "word", "unsupported"),
     [
         ((1.0, 2.001), (1.0, 5.0, 6.0), 1e-3, "nearly cancel", True),

@@ -10,6 +10,7 @@ from vdmsi_jax.effects import ACTUATOR, Signals
 from vdmsi_jax.effects.backlash import Backlash
 from vdmsi_jax.effects.coulomb_friction import CoulombFriction
 from vdmsi_jax.effects.drag import Drag
+from vdmsi_jax.effects.gain_asymmetry import GainAsymmetry
 from vdmsi_jax.effects.offset import Offset
 from vdmsi_jax.effects.rate_limit import RateLimit
 from vdmsi_jax.effects.road_grade import GRAVITY, KNOTS, RoadGrade
@@ -110,6 +111,23 @@ def test_a_stop_shows_between_the_rows_too():
     trace = lagged(Saturation(2.5, 2.5, "response")).trace(u, DT)
     assert float(abs(trace.at(jnp.linspace(0.0, 0.99 * DT, 9))).max()) <= 0.4
     np.testing.assert_allclose(trace.travelled()[u > 0.9], 0.4 * DT, atol=0.4 * DT)
+
+
+@pytest.mark.parametrize("gain", [0.5, 20.0, -3.0])
+@pytest.mark.parametrize("ratio", [-0.5, 0.8])
+def test_a_weak_push_keeps_the_level_of_a_plant_of_any_gain(gain, ratio):
+    u, den = commands(), np.array([1.0, 30.0, 200.0])
+
+    def answer(gain, u, *effects):
+        return ExtendedPlant(TransferFunction([gain * den[-1]], den), effects).simulate(u, DT).y
+
+    pushed, one = answer(gain, u, weak := GainAsymmetry(ratio, "effort")), answer(1.0, u, weak)
+    plain = answer(1.0, u)
+    assert float(abs(one - plain).max()) > 0.05
+    np.testing.assert_allclose(pushed, gain * one, atol=SAME * abs(gain))
+    up, down = np.r_[0.0, np.full(ROWS, 0.7)], np.r_[0.0, np.full(ROWS, -0.7)]
+    np.testing.assert_allclose(answer(gain, up, weak)[-1], 0.7 * gain, rtol=1e-6)
+    np.testing.assert_allclose(answer(gain, down, weak)[-1], -0.7 * gain, rtol=1e-6)
 
 
 def test_friction_spends_what_it_costs_and_holds_what_it_can():

@@ -163,7 +163,7 @@ def test_the_terminal_says_it_too(told, monkeypatch):
     shown = console.export_text()
     for finding in diagnosis.findings:
         assert finding.sentence in shown
-        assert f"{finding.gain.before:.2f}" in shown and f"{finding.gain.after:.2f}" in shown
+        assert f"{finding.gain.before:.1f}" in shown and f"{finding.gain.after:.1f}" in shown
     for finding in diagnosis.minor:
         assert title(finding) in shown
     for left in diagnosis.unexplained:

@@ -51,8 +51,11 @@ def compare(record: Record, model: Model, *, window: float = 20.0) -> Comparison
             of that one.
 
     Raises:
-        InputError: no plant of the model has its command in the record.
+        InputError: it is no model, or no plant of it has its command in the record.
     """
+    if not isinstance(model, Model):
+        mend = "give a model, as load_model reads and identified makes it"
+        raise InputError("model", "", f"{type(model).__name__} is no model", mend)
     plants = {name: plant for name, plant in model.plants.items() if plant.spec.input in record}
     if not plants:
         asked = ", ".join(sorted({plant.spec.input for plant in model.plants.values()}))
@@ -102,17 +105,22 @@ def _midway(record: Record, response: np.ndarray) -> np.ndarray:
     return 0.5 * (response + ahead)
 
 
-def identified(grids: Mapping[str, OrderGrid], orders: Mapping[str, str] | None = None) -> Model:
+def identified(
+    grids: Mapping[str, OrderGrid | Fit], orders: Mapping[str, str] | None = None
+) -> Model:
     """The models of an identification, ready to be simulated or saved. A powertrain that was
     identified by its acceleration becomes the one whose speed makes it.
 
     Args:
-        grids: by the plants' names.
+        grids: by the plants' names; of a plant, a fit stands for itself, without a vehicle.
         orders: for some plants, another order than the chosen one, such as `{"steering": "P1Z0"}`.
     """
-    fits = {name: grid[(orders or {}).get(name, grid.chosen)] for name, grid in grids.items()}
+    fits = {
+        name: grid if isinstance(grid, Fit) else grid[(orders or {}).get(name, grid.chosen)]
+        for name, grid in grids.items()
+    }
     plants = {name: _plant(fit) for name, fit in fits.items() if fit.model is not None}
-    vehicles = [grid.record.vehicle for grid in grids.values()]
+    vehicles = [grid.record.vehicle for grid in grids.values() if isinstance(grid, OrderGrid)]
     return Model(plants, vehicles[0] if vehicles else None)
 
 
@@ -129,8 +137,9 @@ def _score(
 ) -> Prediction:
     """Set what was predicted against what was measured; filled-in samples do not count."""
     scores, posed = {}, has_pose(channels.keys() & set(record.channels))
+    unscored = set(POSE) if posed else {"x", "y"}  # a pose has errors, and half of one no start
     for channel in channels:
-        if channel in record and not (posed and channel in POSE):
+        if channel in record and channel not in unscored:
             seen = record.measured(channel)
             y, y_hat = record[channel][seen], channels[channel][seen]
             scores[channel] = Score(float(fit(y, y_hat)), float(mse(y, y_hat)))

@@ -93,8 +93,11 @@ def motion(record: Record, model: Model, kind: Kind) -> tuple[dict[str, np.ndarr
     posed, trajectories = has_pose(record.channels), []
     ends: dict[str, tuple[float, ...]] = {}  # of runs without a pose
     for i, (segment, known) in enumerate(zip(record.segments, _begun(record), strict=True)):
-        measured = (record[name][segment.start] for name in POSE)
-        pose = measured if posed else ends.get(segment.run, (0.0, 0.0, 0.0))
+        pose = ends.get(segment.run, (0.0, 0.0, 0.0))
+        if posed:
+            pose = tuple(float(record[name][segment.start]) for name in POSE)
+        elif "psi" in record:
+            pose = (*pose[:2], float(record["psi"][segment.start]))
         start = Start(*pose, powertrain=powertrain[i], steering=steering[i])
         commands = Commands(speeds[i], angles[i], record.dt, **known)
         trajectories.append(simulate(vehicle, commands, start))

@@ -18,6 +18,7 @@ from ..config import Derivation, VehicleGeometry
 from ..errors import InputError, nearest
 from ..units import si_symbol, unit
 from .expressions import parse
+from .mend import moment
 
 _LARGEST_SINE = 0.95  # of the course angle, beyond which noise and not geometry speaks
 
@@ -277,9 +278,8 @@ def derive(
             values, known = rule.formula(channels, how, vehicle)  # pyright: ignore[reportArgumentType]
         if not np.isfinite(values).all():
             bad = np.flatnonzero(~np.isfinite(values))
-            problem = (
-                f"{name} is not finite in {bad.size} samples, first at {channels.t[bad[0]]:g} s"
-            )
+            first = moment(channels.t, int(bad[0]))
+            problem = f"{name} is not finite in {bad.size} samples, the first {first}"
             raise InputError(
                 log, place, problem, "guard the expression, such as a / maximum(b, 0.1)"
             )

@@ -14,6 +14,7 @@ from ..config import Config
 from ..errors import InputError
 from .resample import sample_period
 
+_LONG_BEFORE = 1e6  # s, from which a clock began before the log: epochs, weeks of a satellite
 _SLOWEST, _FASTEST = (
     1.0,
     1e-4,
@@ -113,7 +114,7 @@ def check_time(rows: Rows, config: Config) -> None:
     back = ~rows.fresh & (step < 0.0)
     if back.any():
         k = int(np.flatnonzero(back)[0])
-        problem = f"time runs backwards, from {rows.t[k - 1]:.9g} to {rows.t[k]:.9g} s"
+        problem = f"time runs backwards, by {-step[k]:.3g} s, {moment(rows.t, k - 1)}"
         mend = 'sort the rows, or name the column that tells runs apart: [columns] run = "..."'
         raise InputError(raw.source, place(k), problem, mend)
     twice = ~rows.fresh & (step == 0.0)
@@ -121,12 +122,12 @@ def check_time(rows: Rows, config: Config) -> None:
         k = int(np.flatnonzero(twice)[0])
         if config.prepare.duplicates == "refuse":
             count = np.count_nonzero(twice)
-            problem = f"the time {rows.t[k]:.9g} s stands there twice (as in {count} rows in all)"
+            problem = f"its time, {moment(rows.t, k)}, stands there twice (as in {count} rows)"
             mend = 'delete the rows, or set [prepare] duplicates = "drop"'
             raise InputError(raw.source, place(k), problem, mend)
         rows.told.append(
-            f"left out {counted(twice, 'row')} with the time of the row before, the first at "
-            f"{rows.t[k]:g} s"
+            f"left out {counted(twice, 'row')} with the time of the row before, the first "
+            f"{moment(rows.t, k)}"
         )
         rows.cut(twice, gap=False)
 
@@ -194,8 +195,8 @@ def mend_missing(rows: Rows, config: Config, gap: float) -> None:
             if filled.any():
                 how = "held" if held else "interpolated"
                 rows.told.append(
-                    f"filled in {counted(filled, 'missing cell')} of {name} ({how}), the first at "
-                    f"{rows.t[np.argmax(filled)]:g} s"
+                    f"filled in {counted(filled, 'missing cell')} of {name} ({how}), the first "
+                    f"{moment(rows.t, int(np.argmax(filled)))}"
                 )
             bad = stay
         if bad.any():
@@ -204,8 +205,8 @@ def mend_missing(rows: Rows, config: Config, gap: float) -> None:
     if without:
         k = int(np.flatnonzero(lost)[0])
         rows.told.append(
-            f"cut out {counted(lost, 'row')} without {' or '.join(without)}, the first at "
-            f"{rows.t[k]:g} s"
+            f"cut out {counted(lost, 'row')} without {' or '.join(without)}, the first "
+            f"{moment(rows.t, k)}"
         )
         rows.cut(lost, gap=True)
 
@@ -256,9 +257,17 @@ def cut_gaps(rows: Rows, gap: float) -> None:
         k = int(np.flatnonzero(wide)[0])
         rows.told.append(
             f"ended segments at {counted(wide, 'hole')} of more than {gap:g} s between rows: the "
-            f"longest lasts {step[wide].max():.3g} s, the first begins at {rows.t[k - 1]:g} s"
+            f"longest lasts {step[wide].max():.3g} s, the first begins {moment(rows.t, k - 1)}"
         )
         rows.fresh |= wide
+
+
+def moment(t: np.ndarray, k: int) -> str:
+    """When a row is: `at 12.3 s`, or where a log counts seconds from long before it, `12.3 s after
+    its first row`."""
+    if abs(t[0]) < _LONG_BEFORE:
+        return f"at {t[k]:g} s"
+    return f"{t[k] - t[0]:g} s after its first row"
 
 
 def counted(what: np.ndarray | int, noun: str) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..config import CANONICAL, STEERING_CHANNELS, Config, allowed_quantities, load_config
 from ..errors import InputError, nearest
-from ..units import bracketed, si_symbol, unit
+from ..units import UNITS, Unit, bracketed, si_symbol, unit
 from .csv_table import CsvTable
 from .derive import sharpest_curvature, steering_from_curvature
 from .expressions import Expression, parse
@@ -195,6 +195,10 @@ def _columns(config: Config, names: Sequence[str], path: Path) -> dict[str, str]
             raise InputError(str(path), f"column {name!r}", problem, nearest(name, names))
     plain = [*CANONICAL, *(c for p in config.plants for c in p.channels)]
     columns = {channel: channel for channel in plain if channel in names} | dict(config.columns)
+    for channel, name in config.columns.items():
+        _, written = bracketed(name) or ("", "")
+        if channel not in config.units and _speaks_of(written, _unit(channel, config)):
+            _check_written(channel, written, name, config, path)
     taken = list(config.columns.values())
     columns = {c: n for c, n in columns.items() if c in config.columns or n not in taken}
     for name in names:
@@ -210,6 +214,11 @@ def _columns(config: Config, names: Sequence[str], path: Path) -> dict[str, str]
         mend = f"name channels in [columns]; {nearest('v', names)}"
         raise InputError(str(path), "header", problem, mend)
     return columns
+
+
+def _speaks_of(written: str, own: Unit) -> bool:
+    """Whether what stands in brackets is a unit of the channel's quantity: it may be anything."""
+    return written in UNITS and UNITS[written].quantity == own.quantity
 
 
 def _check_written(channel: str, written: str, name: str, config: Config, path: Path) -> None:

@@ -91,7 +91,7 @@ def sample_period(t: Float[np.ndarray, " N"], breaks: Bool[np.ndarray, " N"]) ->
     steps = np.diff(t)[~breaks[1:]]
     if steps.size == 0:
         raise ValueError("no two rows belong together")
-    median = float(np.median(steps))
+    median = float(np.quantile(steps, 0.5, method="lower"))  # one of them, near which there is one
     near = steps[(steps > 0.5 * median) & (steps < 1.5 * median)]
     period = float(np.mean(near))
     counts = np.concatenate([[0.0], np.round(np.diff(t) / period)])

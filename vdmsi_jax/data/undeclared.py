@@ -130,7 +130,7 @@ def _comparisons(
                 yield name, unit, "what the path of x and y turns", turns[name][moving], told
     if turns and "v" in motion.values:
         v = motion.mean("v")
-        slowest = max(_MOVING * np.quantile(np.abs(v), 0.95), 1e-6)
+        slowest = max(float(_MOVING * np.quantile(np.abs(v), 0.95)), 1e-6)
         angle, known = steering_from_yaw_rate(motion.turning(), v, vehicle, slowest)
         for name in ("delta", "delta_cmd"):
             if name in logged:

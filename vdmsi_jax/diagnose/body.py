@@ -13,13 +13,15 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Array, Bool, Float
 
-from ..effects import VEHICLE
+from ..config import CANONICAL
+from ..effects import VEHICLE, AbstractEffect, SensorBias, SensorDelay, SensorLag
 from ..effects.base import first_order
 from ..models.bicycle import Bicycle
 from ..parameters import parameters
 from ..programs import Kept, Static
+from ..units import si_symbol
 from .chain import Chain
 from .colour import filter_length, settled
 from .noise import PER_LAG, Pair, differences, shared
@@ -40,46 +42,65 @@ _STANDS = 0.05  # of the largest speed, below which a vehicle tells nothing of i
 _SETTLED = 0.7  # of a channel's samples, that have all of the past that its colour sees
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BodyCause:
     """A cause of the body, the road or a sensor.
 
     Attributes:
-        cause, where: as in the contract; `channel` of a sensor.
+        effect: what it is, off.
+        where: as in the contract; `channel` of a sensor.
         names: of its parameters; `units`: theirs.
-        lower: bound.
+        lower: their bounds.
         weight: how many parameters it counts as.
     """
 
-    cause: str
+    effect: AbstractEffect
     where: str
-    channel: str | None
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    lower: float = -np.inf
-    weight: float = 1.0
+    channel: str | None = None
 
+    @property
+    def cause(self) -> str:
+        return self.effect.cause
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        return tuple(parameters(self.effect))
+
+    @cached_property
+    def units(self) -> tuple[str, ...]:
+        own = {"response": si_symbol(CANONICAL[self.channel])} if self.channel in CANONICAL else {}
+        return tuple(own.get(p.unit, p.unit) for p in parameters(self.effect).values())
+
+    @cached_property
+    def lower(self) -> tuple[float, ...]:
+        """A time, of which an effect may know a signed continuation, ends at zero here."""
+        known = parameters(self.effect).values()
+        return tuple(max(p.lower, 0.0) if p.unit == "s" else p.lower for p in known)
+
+    @cached_property
+    def weight(self) -> float:
+        return self.effect.weight or float(len(self.names))
+
+
+SENSORS = (
+    ("r", SensorLag()),
+    ("r", SensorDelay()),
+    ("r", SensorBias()),
+    ("delta", SensorLag()),
+    ("delta", SensorDelay()),
+    ("v", SensorLag()),
+    ("v", SensorDelay()),
+    ("v", SensorBias()),
+    ("psi", SensorBias()),
+    ("pose", SensorDelay()),
+)
+"""Which sensor may have which fault. A bias of the angle is the offset of the wheels."""
 
 CAUSES = (
-    BodyCause("speed_scale", "vehicle", None, ("scale",), ("1",), -0.9),
-    BodyCause("offset", "vehicle", None, ("bias",), ("rad",)),
-    BodyCause("bank", "vehicle", None, ("slope", "pull"), ("1", "rad"), weight=2.0),
-    BodyCause("geometry_scale", "vehicle", None, ("scale",), ("1",), -0.9),
-    BodyCause("understeer", "vehicle", None, ("gradient",), ("s^2/m^2",)),
-    BodyCause("tyre_relaxation", "vehicle", None, ("length",), ("m",), 0.0),
-    BodyCause("yaw_inertia", "vehicle", None, ("lag",), ("s^2/m",), 0.0, weight=2.0),
-    BodyCause("sensor_lag", "sensor", "r", ("time_constant",), ("s",), 0.0),
-    BodyCause("sensor_delay", "sensor", "r", ("delay",), ("s",), 0.0),
-    BodyCause("sensor_bias", "sensor", "r", ("bias",), ("rad/s",)),
-    BodyCause("sensor_lag", "sensor", "delta", ("time_constant",), ("s",), 0.0),
-    BodyCause("sensor_delay", "sensor", "delta", ("delay",), ("s",), 0.0),
-    BodyCause("sensor_lag", "sensor", "v", ("time_constant",), ("s",), 0.0),
-    BodyCause("sensor_delay", "sensor", "v", ("delay",), ("s",), 0.0),
-    BodyCause("sensor_bias", "sensor", "v", ("bias",), ("m/s",)),
-    BodyCause("sensor_bias", "sensor", "psi", ("bias",), ("rad",)),
-    BodyCause("sensor_delay", "sensor", "pose", ("delay",), ("s",), 0.0),
+    *(BodyCause(effect, "vehicle") for effect in VEHICLE),
+    *(BodyCause(effect, "sensor", channel) for channel, effect in SENSORS),
 )
-"""The causes of this stage; the first ones in the order of the registry `effects.VEHICLE`."""
+"""The causes of this stage, in the order of their parameters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,21 +282,27 @@ def _simulate(theta, v, delta, bicycle: Bicycle, dt, yaw_bias, how: Static):
 
 def _motion(vector, v, delta, bicycle, dt, by_yaw_rate, yaw_bias):
     yaw_lag, turning, ahead, slip = vector[: len(NUISANCE)]
+    sensed: dict[str, Array] = {}
     at, effects = len(NUISANCE), []
-    for effect in VEHICLE:
-        for name in parameters(effect):
-            effect = eqx.tree_at(lambda e, name=name: getattr(e, name), effect, vector[at])
-            at += 1
+    for cause in CAUSES:
+        effect, own = cause.effect, vector[at : at + len(cause.names)]
+        at += len(cause.names)
+        if cause.channel is not None:
+            sensed[f"{cause.channel} {cause.cause}"] = own[0]
+            continue
+        for name, value in zip(cause.names, own, strict=True):
+            effect = eqx.tree_at(lambda e, name=name: getattr(e, name), effect, value)
         effects.append(effect)
-    r_lag, r_late, r_bias, d_lag, d_late, v_lag, v_late, v_bias, askew, pose_late = vector[at:]
-    told, v = v, _unsensed(v - v_bias, v_lag, v_late, dt)
-    delta = _unsensed(delta, d_lag, d_late, dt)
+    told = v
+    v = _unsensed(v - sensed["v sensor_bias"], sensed["v sensor_lag"], sensed["v sensor_delay"], dt)
+    delta = _unsensed(delta, sensed["delta sensor_lag"], sensed["delta sensor_delay"], dt)
     for effect in effects:
         v, delta = effect.speed(v), effect.angle(delta)
     if by_yaw_rate:
         slow = jnp.abs(v) < _STANDS * jnp.max(jnp.abs(v))
         per_speed = jnp.where(slow, 0.0, 1.0 / jnp.where(slow, 1.0, v))
-        unexplained = jnp.where(yaw_bias == 0.0, 0.0, yaw_bias - r_bias) * bicycle.wheelbase
+        left = jnp.where(yaw_bias == 0.0, 0.0, yaw_bias - sensed["r sensor_bias"])
+        unexplained = left * bicycle.wheelbase
         tangent = jnp.tan(delta) * jnp.where(slow, 1.0, told * per_speed)
         delta = jnp.arctan(tangent + unexplained * per_speed)
     beta = bicycle.slip_angle(delta)
@@ -292,10 +319,12 @@ def _motion(vector, v, delta, bicycle, dt, by_yaw_rate, yaw_bias):
 
     psi = run(r)
     beta = beta + kappa * (ahead * bicycle.wheelbase - slip * v**2)
-    beta = beta - askew  # a heading that is told too large turns the path to the right of it
+    # a heading that is told too large turns the path to the right of it
+    beta = beta - sensed["psi sensor_bias"]
     x, y = run(v * jnp.cos(psi + beta)), run(v * jnp.sin(psi + beta))
-    x, y, psi = (_shifted(p, pose_late / dt) for p in (x, y, psi))
-    return _shifted(_lagged(r, r_lag, dt), r_late / dt) + r_bias, x, y, psi
+    x, y, psi = (_shifted(p, sensed["pose sensor_delay"] / dt) for p in (x, y, psi))
+    r = _shifted(_lagged(r, sensed["r sensor_lag"], dt), sensed["r sensor_delay"] / dt)
+    return r + sensed["r sensor_bias"], x, y, psi
 
 
 def _unsensed(y, lag, late, dt):

@@ -11,6 +11,7 @@ from .chain import regress
 from .colour import least_squares, whiten
 from .windows import BLOCK, block_sums, widening
 
+_MOST = 5.0  # of a parameter of the body, in its unit
 _STEP = 1e-3
 _STEPS = 3  # of Levenberg-Marquardt at one colour
 _DAMPINGS = (1e-3, 1.0, 1e2)  # times a lane's own, that are tried at each
@@ -120,8 +121,8 @@ def bounds(body: Body) -> tuple[np.ndarray, np.ndarray]:
     low = [b[0] for b in NUISANCE.values()]
     high = [b[1] for b in NUISANCE.values()]
     for cause in CAUSES:
-        low += [cause.lower] * len(cause.names)
-        high += [5.0] * len(cause.names)
+        low += cause.lower
+        high += [_MOST] * len(cause.names)
     return np.array(low), np.array(high)
 
 

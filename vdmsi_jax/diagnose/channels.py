@@ -9,12 +9,10 @@ from ..data.record import Record
 from .body_fit import residual
 from .body_search import BodySearch
 from .colour import whiten
-from .found import Search
+from .found import FEW, Search
 from .judge import fit_percent
 from .result import ChannelScore, Response
 from .runs import Runs
-
-_FEW = 50  # samples held out, up to which those that were fitted judge
 
 
 def units_of(records: Sequence[Record], spec: PlantSpec) -> tuple[str, str]:
@@ -30,14 +28,14 @@ def channel_scores(
     found = {}
     for spec, own in searches.items():
         stage, fit = own.stage, own.final if extended else own.baseline
-        use = stage.held_out if stage.held_out.sum() > _FEW else stage.mask
+        use = own.judges
         left = (stage.y - own.final.y)[stage.mask]
         noise = float(np.std(left)) if stage.noise.std is None else stage.noise.std
         found[spec.output] = _score(stage.y[use], (stage.y - fit.y)[use], noise, stage.noise.by)
     if bodily is not None and "r" in bodily.body.measured:
         body, fit = bodily.body, bodily.final if extended else bodily.plain
         mask, held_out = body.mask["r"], body.held_out["r"]
-        use = held_out if held_out.sum() > _FEW else mask
+        use = held_out if held_out.sum() > FEW else mask
         left = residual(body, bodily.final, "r", mask)[mask]
         e = residual(body, fit, "r", use)[use]
         found["r"] = _score(body.measured["r"][use], e, float(np.std(left)))

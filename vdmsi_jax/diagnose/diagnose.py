@@ -1,8 +1,9 @@
 """The verb: from logs to the causes, the extended model, and the gain on data held out."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from pathlib import Path
 
 import jax
 import numpy as np
@@ -16,14 +17,14 @@ from ..errors import InputError
 from ..programs import make_room
 from ..threads import AT_ONCE, one_for_blas
 from .body_search import search_body
+from .contradictions import Contradiction, contradictions
 from .found import Search
 from .leftover import breaks_where_judged, is_another, only_where_judged
 from .noise import KnownNoise
 from .prepare import FEWEST, body_of, stage_of, stands
-from .result import Diagnosis
+from .result import Diagnosis, Unexplained
 from .runs import Runs, lay_out, slower
 from .search import ActsInSteps, search
-from .signs import turned_round
 from .stage import Stage
 from .verdict import Evidence
 
@@ -65,10 +66,12 @@ def _diagnose(
     noise: Mapping[str, KnownNoise],
     told: Callable[[str], None] | None,
 ) -> Diagnosis:
-    several = [records] if isinstance(records, Record) else list(records)
+    several = [records] if isinstance(records, Record | str | Path) else list(records)
     several, copies = _once(_alike(several, vehicle))
     several, alone = _among_their_like(several)
     several, dead = _alive(several)
+    against = contradictions(several, plants_of(several))
+    several = _without(several, {c for one in against for c in one.leave})
     if not any(record.session for record in several):
         several = in_session(several)
     say = told or (lambda _: None)
@@ -77,9 +80,22 @@ def _diagnose(
     except ActsInSteps:
         say("a command acts in steps: looking at every row")
         found = _looked_into(several, noise, say)
+    unseen = (*copies, *alone, *dead, *_unshared(several), *found.unseen)
+    return _contradicted(replace(found, unseen=unseen), against)
+
+
+def _contradicted(found: Diagnosis, against: Sequence[Contradiction]) -> Diagnosis:
+    """The diagnosis of logs that contradict themselves, which it says before all else."""
+    if not against:
+        return found
+    said = tuple(one.said for one in against)
+    open_ = (Unexplained(c.channel, 1.0, c.by, test=c.said.rstrip(".")) for c in against)
     return replace(
         found,
-        unseen=(*copies, *alone, *dead, *_unshared(several), *turned_round(several), *found.unseen),
+        verdict="unexplained_structure",
+        contradictions=said,
+        unexplained=(*open_, *found.unexplained),
+        summary=" ".join([*said, found.summary]),
     )
 
 
@@ -163,8 +179,18 @@ def _evidence(
 def _alike(records: list[Record], vehicle: VehicleGeometry | None) -> list[Record]:
     if not records:
         raise InputError("records", "", "there is no record to diagnose", "give at least one")
+    wrong = next((record for record in records if not isinstance(record, Record)), None)
+    if wrong is not None:
+        mend = "give records, as read_log and read_logs make them"
+        raise InputError("records", "", f"{type(wrong).__name__} is no record", mend)
     first = records[0]
+    told = next((record for record in records if record.vehicle is not None), None)
+    if told is not None:
+        vehicle = told.vehicle
     for record in records:
+        if told is not None and record.vehicle not in (None, told.vehicle):
+            problem = f"another vehicle than that of {told.log}"
+            raise InputError(record.source, "vehicle", problem, "diagnose each vehicle by itself")
         if not np.isclose(record.dt, first.dt, rtol=1e-6):
             problem = f"sampled every {record.dt:g} s, but {first.log} every {first.dt:g} s"
             raise InputError(record.source, "dt", problem, "set the same [prepare] dt for all logs")
@@ -209,13 +235,18 @@ def _alive(records: list[Record]) -> tuple[list[Record], list[str]]:
             said = " and ".join(sensor)
             never = "never changes" if len(sensor) == 1 else "never change"
             told.append(f"{said} {never}, as of a sensor that is dead: left out.")
-    if not gone:
-        return records, []
+    return _without(records, gone), told
+
+
+def _without(records: list[Record], gone: Set[str]) -> list[Record]:
+    """The records without some channels."""
 
     def kept(values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         return {c: x for c, x in values.items() if c not in gone}
 
-    return [replace(r, channels=kept(r.channels), filled=kept(r.filled)) for r in records], told
+    if not gone:
+        return records
+    return [replace(r, channels=kept(r.channels), filled=kept(r.filled)) for r in records]
 
 
 def _unshared(records: Sequence[Record]) -> list[str]:

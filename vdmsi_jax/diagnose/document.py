@@ -50,6 +50,7 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
         },
         "budget": [_budget(budget) for budget in diagnosis.budget],
         "detectability": [_detectable(cause) for cause in diagnosis.detectable],
+        "contradictions": list(diagnosis.contradictions),
         "unseen": list(diagnosis.unseen),
         "repairs": [
             f"{record.log}: {told}" for record in diagnosis.records for told in record.repairs

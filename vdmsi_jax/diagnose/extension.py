@@ -8,11 +8,10 @@ import numpy as np
 
 from ..config import PlantSpec
 from ..data.record import Record
-from ..effects import SENSOR, VEHICLE, AbstractEffect
+from ..effects import AbstractEffect
 from ..model_file import Model, Plant
 from ..models.extended_plant import ExtendedPlant
 from ..models.transfer_function import TransferFunction
-from ..parameters import parameters
 from . import swing
 from .body import CAUSES
 from .body_search import BodySearch
@@ -75,22 +74,17 @@ def transfer_function(stage: Stage, h: Hypothesis) -> TransferFunction:
 
 def _body(found: BodySearch) -> tuple[tuple[AbstractEffect, ...], tuple]:
     theta, index = found.final.theta, found.body.index
-    body = []
-    for k, effect in enumerate(VEHICLE):
-        names = list(parameters(effect))
-        if k in found.final.active:
-            for name, i in zip(names, index[k], strict=True):
-                value = jnp.asarray(theta[i])
-                effect = eqx.tree_at(lambda e, name=name: getattr(e, name), effect, value)
-            body.append(effect)
-    sensors = []
-    known = {e.cause: e for e in SENSOR}
+    body, sensors = [], []
     for k, cause in enumerate(CAUSES):
-        if k in found.final.active and cause.where == "sensor":
-            effect = known[cause.cause]
-            name = next(iter(parameters(effect)))
-            value = jnp.asarray(theta[index[k][0]])
+        if k not in found.final.active:
+            continue
+        effect = cause.effect
+        for name, i in zip(cause.names, index[k], strict=True):
+            value = jnp.asarray(theta[i])
             effect = eqx.tree_at(lambda e, name=name: getattr(e, name), effect, value)
+        if cause.channel is None:
+            body.append(effect)
+        else:
             sensors.append((cause.channel, effect))
     return tuple(body), tuple(sensors)
 

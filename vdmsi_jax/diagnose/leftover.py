@@ -60,6 +60,7 @@ _STILL = 0.3  # of what a cause does to a response, that it does at rest at the 
 _PEAKED = (
     10.0  # kurtosis of its innovations, from which half of it tells: clean drives had up to 5.8
 )
+_OF_A_KIND = 0.5  # of a slow error of the yaw rate, that a kind explains which is no wind then
 _NEXT_TO = 0.02  # of the time, that a change may lie before or behind a part
 _MANY = 30_000  # samples, beyond which kinds of error are asked by means of several
 
@@ -372,6 +373,8 @@ def _of_body(runs: Runs, found: BodySearch) -> list[Unexplained]:
     response = body.measured["r"]
     nothing, moves = np.empty((0, *e.shape)), moving(body.v, masks[0] | masks[1])
     slow = slow_error("r", e, white, response, nothing, masks, body.dt, moving=moves)
+    if slow is not None and slow.steady and kind is not None and kind.share > _OF_A_KIND:
+        slow = replace(slow, steady=False, puzzling=True)
     if slow is not None:
         left.append(slow)
     left = beside_response(left, e, response, masks[0] | masks[1])

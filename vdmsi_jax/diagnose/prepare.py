@@ -57,9 +57,8 @@ def stage_of(runs: Runs, spec: PlantSpec, reference: KnownNoise | None = None) -
     v = runs.channel("v")
     other = runs.channel("delta_cmd" if spec.output == "v" else "v_cmd")
     held = runs.held()
-    name = spec.name if spec.name in _FOREIGN else "plant"
-    is_vehicle = runs.records[0].vehicle is not None and name != "plant"
-    foreign = _FOREIGN.get(name, set())
+    is_vehicle = runs.records[0].vehicle is not None and spec.role != "plant"
+    foreign = _FOREIGN.get(spec.role, set())
     foreign = foreign | (_PLANTS_ONLY if is_vehicle else _VEHICLES_ONLY | _BOTH_WAYS)
     if u.min() >= 0.0 or u.max() <= 0.0:  # there both forms are one, and gears and spools are rare:
         foreign = foreign | {"gain_nonlinearity by skew", "quantization by truncation"}
@@ -72,7 +71,7 @@ def stage_of(runs: Runs, spec: PlantSpec, reference: KnownNoise | None = None) -
     begun = np.array([[r.session] for r in runs.records])
     if np.ptp(begun) == 0.0:  # there is none, or it is the run
         foreign = foreign | _SESSION
-    wheres = tuple("vehicle" if e.cause == "road_grade" else name for e in ACTUATOR)
+    wheres = tuple("vehicle" if e.cause == "road_grade" else spec.role for e in ACTUATOR)
     allowed = tuple(i for i, e in enumerate(ACTUATOR) if not {e.cause, kind(e)} & foreign)
     shared = (runs.time(), v, other, runs.travelled())
     masks = seen & ~held, seen & held
@@ -122,7 +121,7 @@ def make_stage(name, u, y, mask, held_out, shared, allowed, wheres, dt, begun=No
     stage = Stage(name, u, y, mask, held_out, signals, effects, allowed, wheres, scales, 1.0, dt)
     slow, response = _look(stage)
     rates = np.abs(np.diff(response, axis=1))[known[:, 1:]] / dt
-    scales = replace_scales(scales, rate=_typical(rates), time_constant=slow)
+    scales = replace(scales, rate=_typical(rates), time_constant=slow)
     substeps = int(np.clip(2 ** np.ceil(np.log2(max(15.0 * dt / slow, 1.0))), 1, 4))
     signals = replace(signals, h=jnp.asarray(dt / substeps), substeps=substeps)
     return replace(stage, scales=scales, pace=1.0 / slow, signals=signals)
@@ -135,13 +134,6 @@ def _typical(rates: np.ndarray) -> float:
     energy = np.cumsum(sizes**2)
     half = sizes[np.searchsorted(energy, 0.5 * energy[-1])]
     return float(max(np.quantile(rates, 0.95), half))
-
-
-def replace_scales(scales: Scales, **new: float) -> Scales:
-    """The same sizes but some."""
-    names = scales.__dataclass_fields__
-    values = {name: getattr(scales, name) for name in names} | new
-    return Scales(**values)
 
 
 def _look(stage: Stage) -> tuple[float, np.ndarray]:

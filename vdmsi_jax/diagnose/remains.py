@@ -110,7 +110,8 @@ def unexplained(
     ]
     if not touched:
         return bool(serious)
-    if any(_plain(u) and u.channel in touched for u in serious):
+    turned = {"r"} if "psi" in touched else set()  # one motion tells both
+    if any(_plain(u) and u.channel in turned.union(touched) for u in serious):
         return True
     return any(
         u.fraction > _MOSTLY

@@ -85,7 +85,8 @@ class Finding:
 
     Attributes:
         cause: the word of the contract.
-        where: `powertrain`, `steering`, `vehicle`, `sensor`, or the name of another plant.
+        where: `powertrain`, `steering`, `vehicle`, `sensor`, or `plant` for any other plant, which
+            the channel of the gain tells.
         channel: for a sensor's cause, its channel.
         form: which of its forms fitted best, in words; empty where it has one.
         parameters: by name.
@@ -289,6 +290,8 @@ class Diagnosis:
         records: the logs.
         held_out: what was held out, in words.
         summary: the whole answer in a few sentences.
+        contradictions: what the logs say against themselves, such as a heading that turns the other
+            way, a sentence each with the mend; each is among `unexplained`, too.
     """
 
     verdict: Verdict
@@ -310,6 +313,11 @@ class Diagnosis:
     records: tuple[Record, ...]
     held_out: str
     summary: str
+    contradictions: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        named = ", ".join(f"{f.cause} ({f.channel or f.where})" for f in self.findings)
+        return f"<Diagnosis {self.verdict}: {named or 'no finding'}>"
 
     def plot(self) -> Any:
         """The whole answer as one figure: measured and simulated, residuals, gains, budget."""

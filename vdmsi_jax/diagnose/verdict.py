@@ -16,7 +16,7 @@ from .budget import of_channel, of_path
 from .channels import channel_scores, responses, units_of
 from .detectability import detectable
 from .extension import extended_model, plain_model
-from .found import FEW, Search, output_of
+from .found import FEW, MARGIN, Search, output_of
 from .hypothesis import Refit
 from .judge import Scored, Trial, confirmed, gain_of
 from .manoeuvres import separate
@@ -149,13 +149,13 @@ class Evidence:
 
     def _with_twin(self, spec: PlantSpec, cause: Named) -> Named:
         """A cause of an actuator whose sensor may have done the same, if the body lets it."""
-        word, channel = _SENSED.get(cause.cause), _TWINS.get(spec.name)
+        word, channel = _SENSED.get(cause.cause), _TWINS.get(spec.role)
         if word is None or channel is None:
             return cause
         lack = 0.0
         if self.bodily is not None:
             lack = self._lack_of_twin(word, channel, cause)
-        rival = Rival(word, "sensor", lack, lack < 7.5)
+        rival = Rival(word, "sensor", lack, lack < MARGIN)
         return replace(cause, rivals=tuple(sorted((*cause.rivals, rival), key=lambda r: r.deficit)))
 
     def _lack_of_twin(self, word: str, channel: str, cause: Named) -> float:

@@ -63,6 +63,8 @@ def sentence(f: Finding) -> str:
 
 def verdict(d: Diagnosis) -> str:
     """The verdict in a line."""
+    if d.contradictions:
+        return "These logs contradict themselves, and what follows is of what is left of them"
     if d.verdict == "explained":
         return "Explained"
     if d.verdict == "unexplained_structure":

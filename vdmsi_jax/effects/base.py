@@ -3,12 +3,13 @@ identity when it is off.
 
 The signal's way through an actuator, with the ports by name::
 
-    command -> [command] -> [held] -> dynamics with [load] and [effort] -> [output] -> measurement
+    command -> [command] -> [held] -> dynamics with [load] and [effort] -> [output] -> response
+    response -> [measured] -> measurement, where a row is told; [sensor] of a channel's sensor
 
-`command` sees the rows of the record, where commands are held; the other ports see sub-steps, finer
-than the rows, so that effects with memory (play, friction, a limited rate) are discrete operators
-that are exact there. A vehicle has the ports `speed`, `angle`, `course`, `curvature` and `relaxed`,
-which see the bicycle at the rows or at the instants of a quadrature.
+`command` and `measured` see the rows of the record, where commands are held; the other ports see
+sub-steps, finer than the rows, so that effects with memory (play, friction, a limited rate) are
+discrete operators that are exact there. A vehicle has the ports `speed`, `angle`, `course`,
+`curvature` and `relaxed`, which see the bicycle at the rows or at the instants of a quadrature.
 """
 
 import abc
@@ -90,6 +91,11 @@ class Effort(eqx.Module):
     lag: Float[Array, ""]
     h: Float[Array, ""]
 
+    @property
+    def still(self) -> Float[Array, ""]:
+        """The command that would hold the response where it is, its unit."""
+        return self.y / jnp.where(jnp.abs(self.rest) > 1e-12, self.rest, 1e-12)
+
 
 class Scales(eqx.Module):
     """Sizes of a record's signals, to make probes of: a probe is a value that is strictly on.
@@ -143,8 +149,9 @@ class AbstractEffect(eqx.Module):
 
     Attributes:
         cause: the word of the contract.
-        weight: how many parameters it counts as in a comparison, where that is more than it has
-            (a cause whose place in time or frequency is searched over fits noise more easily).
+        weight: how many parameters it counts as in a comparison, where that is not as many as it
+            has: more of a cause whose place in time or frequency is searched over, which fits noise
+            more easily, less where some of them hardly ever matter.
     """
 
     cause: ClassVar[str]

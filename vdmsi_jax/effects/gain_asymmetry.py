@@ -11,8 +11,8 @@ from vdmsi_jax.parameters import parameter
 
 
 class GainAsymmetry(AbstractEffect):
-    """Another gain for positive commands than for negative ones, or for pushing (command above
-    response) than for braking.
+    """Another gain for positive commands than for negative ones, or for pushing (a command above
+    the one that would hold the response) than for braking.
 
     Attributes:
         by: the sign of what decides the gain.
@@ -32,6 +32,6 @@ class GainAsymmetry(AbstractEffect):
         return jnp.where(u > 0.0, u + self.ratio * u, u)
 
     def effort(self, at: Effort) -> Float[Array, ""]:
-        push = at.u - at.y
+        push = at.u - at.still
         pushes = (push > 0.0) if self.by == "effort" else False
         return jnp.where(pushes, -self.ratio * push, 0.0)

@@ -130,5 +130,4 @@ class PowerLaw(AbstractEffect):
 def _more_pull(at: Effort, stiffness: Float[Array, ""]) -> Float[Array, ""]:
     """The force by which something pulls the response back beyond what a linear one pulls, which
     has a stiffness of one; between a tenth and ten times that."""
-    level = jnp.where(jnp.abs(at.rest) > 1e-12, at.rest, 1e-12)
-    return (jnp.clip(stiffness, 0.1, 10.0) - 1.0) * at.y / level
+    return (jnp.clip(stiffness, 0.1, 10.0) - 1.0) * at.still

@@ -52,7 +52,7 @@ class RateLimit(AbstractEffect):
             # how far ahead the command is per rate; the response moves on within the sub-step
             ahead = jnp.maximum(jnp.abs(at.lag), _LEAST * jnp.abs(at.slowness))
             unit = jnp.maximum(ahead + 0.5 * at.h / jnp.abs(still), 1e-9)
-            rate = (at.u - at.y / still) / unit
+            rate = (at.u - at.still) / unit
         limit = jnp.maximum(1.0, jnp.maximum(rate * self.rising, -rate * self.falling))
         return (rate - rate / limit) * unit
 

@@ -8,6 +8,8 @@ from jaxtyping import Array, ArrayLike, Float
 from vdmsi_jax.effects.base import AbstractEffect, Scales, lag
 from vdmsi_jax.parameters import parameter
 
+_LEAST = 1e-9  # m, of way between two instants, so that there is one where a vehicle stands
+
 
 class TyreRelaxation(AbstractEffect):
     """The curvature follows over `length` metres of way.
@@ -25,5 +27,4 @@ class TyreRelaxation(AbstractEffect):
     def relaxed(
         self, kappa: Float[Array, " M"], v: Float[Array, " M"], h: Float[ArrayLike, "..."]
     ) -> Float[Array, " M"]:
-        way = jnp.maximum(jnp.abs(v) * h, 1e-6)
-        return lag(kappa, self.length / way)
+        return lag(kappa, self.length / (jnp.abs(v) * h + _LEAST))

@@ -77,7 +77,7 @@ def speed_response(fit: Fit) -> SpeedResponse:
     if not measures_acceleration(fit.plant):
         problem = f"is from {fit.plant.input} to {fit.plant.output}"
         raise InputError(name, "plant", problem, "identify the plant from v_cmd to a")
-    if fit.model is None or fit.n_zeros < 1:
+    if fit.model is None or len(fit.model.num) < 2:
         problem = fit.status if fit.model is None else "has no zero, so its speed would jump"
         raise InputError(name, "order", problem, "take one with a zero or more: zeros=(1, 2, 3)")
     at = fit.parameter_names.index("b0")
@@ -87,7 +87,7 @@ def speed_response(fit: Fit) -> SpeedResponse:
     covariance = fit.covariance - gain[:, None] * fit.covariance[at]
     value = dict(zip(fit.parameter_names, parameters.tolist(), strict=True))
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    n, m = fit.n_poles, fit.n_zeros
+    n, m = len(fit.model.den) - 1, len(fit.model.num) - 1
     num = [value[f"b{i}"] for i in range(m, 0, -1)]
     den = [1.0, *(value[f"a{i}"] for i in range(n - 1, -1, -1))]
     own = [i for i, name in enumerate(fit.parameter_names) if name not in ("b0", "offset")]

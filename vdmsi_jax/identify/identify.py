@@ -38,8 +38,9 @@ def identify(
     - `records`: one record or several.
     - `plant`: "powertrain", "steering", the name of a plant of the configuration, or a `PlantSpec`.
     - `options`: what to fit and what to hold out; `overrides` replace single fields of it:
-      `identify(log, "steering", poles=(1, 2), delay=False, held_out=0.0)`. Without options whole
-      runs are held out if there are three or more, blocks of each run otherwise.
+      `identify(log, "steering", poles=(1, 2), delay=False, held_out=0.0)`; one number of poles or
+      zeros may stand alone. Without options whole runs are held out if there are three or more,
+      blocks of each run otherwise.
 
     **Raises:** `InputError` where the channels are missing, do not move, or are too short.
 
@@ -53,6 +54,9 @@ def identify(
     record = several[0] if len(several) == 1 else Record.concatenate(several)
     if options is None:
         options = IdentifyOptions(split="run" if len(record.runs) >= 3 else "blocks")
+    for name in overrides.keys() & {"poles", "zeros"}:
+        if isinstance(overrides[name], int):
+            overrides[name] = (overrides[name],)
     options = replace(options, **overrides)
     spec = plant if isinstance(plant, PlantSpec) else record.plant(plant)
     check_excitation(record, spec)

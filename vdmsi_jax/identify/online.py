@@ -22,6 +22,7 @@ from vdmsi_jax.config import PlantSpec
 from vdmsi_jax.data.noise import white_noise_std
 from vdmsi_jax.data.record import Record
 from vdmsi_jax.errors import InputError
+from vdmsi_jax.models.linear_plant import delayed
 from vdmsi_jax.models.state_space import StateSpace
 from vdmsi_jax.models.transfer_function import TransferFunction
 
@@ -261,17 +262,6 @@ class _Scaled(eqx.Module):
         return P * self.units[:, None] * self.units[None, :]
 
 
-def _held(u: Array, delay: Array | None, dt: Array) -> tuple[Array, Array, Array | None]:
-    """The command that acts at each row and at the end of its sample, and for how long the latter;
-    without a delay it acts for no time."""
-    if delay is None:
-        return u, u, None
-    whole = jnp.ceil(delay / dt)
-    at = jnp.arange(u.shape[0]) - whole.astype(int)
-    early = u[jnp.clip(at, 0, u.shape[0] - 1)]
-    return early, u[jnp.clip(at + 1, 0, u.shape[0] - 1)], whole * dt - delay
-
-
 @eqx.filter_jit
 def track(
     u: Float[ArrayLike, " N"],
@@ -300,7 +290,9 @@ def track(
     scaled = _Scaled.of(start)
     n, window = scaled.poles, dt / jnp.minimum(forgetting.window, 1e6)
     prior = (forgetting.spread * scaled.sizes) ** 2
-    early, late, rest = _held(u, start.delay, dt)
+    early, late, rest = u, u, None
+    if start.delay is not None:
+        early, late, rest = delayed(u, start.delay, dt)
 
     def step(carry: _Memory, row: tuple) -> tuple[_Memory, tuple]:
         before, after, y, counts = row

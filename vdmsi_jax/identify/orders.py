@@ -1,7 +1,7 @@
 """The order grid: all PxZy fitted to one plant, judged on held-out data, and one of them chosen."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -26,6 +26,8 @@ from vdmsi_jax.models.transfer_function import TransferFunction, improper_reason
 _LOOKED = 20_000  # samples that the search looks at; of more, it settles on all what some taught
 _LONGEST_DELAY = 0.1  # of the record, where the user states no bound
 _DRIFT = 3.0  # points of FIT for which an unsupported order is taken
+_GROWN = 10.0  # points of FIT for which an unsound order is taken
+_ENOUGH = 0.7  # of the samples, that must answer to commands of their own segment
 _SAME_AS = "no better than what it contains: "
 
 
@@ -46,6 +48,7 @@ def order_grid(
     measured = record.measured(plant.output)
     _refuse_too_short(record, plant, measured & ~held_out, max(n for n, _ in proper))
     scale, delays = _scale(record, plant, measured & ~held_out, longest)
+    measured = measured & _answered(record, measured & ~held_out, delays if longest else ())
     samples, where = lay_out(record, plant, scale, measured & ~held_out)
     bounds = {"longest_delay": float(longest) or None, "offset": options.offset}
     part, index = most_moved(record, plant, _LOOKED)
@@ -88,7 +91,7 @@ def order_grid(
     grid = {
         f"P{n}Z{m}": fits[n, m]
         if (n, m) in fits
-        else Fit(f"P{n}Z{m}", plant, improper_reason(n, m) or "")
+        else Fit(f"P{n}Z{m}", plant, improper_reason(n, m) or "", supported=False)
         for n in options.poles
         for m in options.zeros
     }
@@ -114,9 +117,14 @@ def choose(fits: Mapping[str, Fit], fit_loss: float) -> tuple[str, str]:
     The paper takes the smallest order whose FIT is hardly below the best (Yan et al. 2023, sec.
     5.1); size is the number of parameters, fewer poles first. Orders with poles that the data do
     not support (`Fit.supported`: drifts, cancelling pairs, the paper's own steering model) stand
-    back unless they fit better by more than `_DRIFT` points, as they do for a true integrator.
+    back unless they fit better by more than `_DRIFT` points, as they do for a true integrator. One
+    whose simulation goes wrong (`Fit.sound`: it grows, or is an alias) is none of either unless it
+    fits better than all others by more than `_GROWN` points, as it does for a plant that grows.
     """
     usable = [fit for fit in fits.values() if fit.ok]
+    most = max(fit.fit for fit in usable)
+    sound = [fit for fit in usable if fit.sound and fit.fit >= most - _GROWN]
+    usable = [fit for fit in usable if fit.sound] if sound else usable
     by_bic = min(usable, key=lambda fit: fit.bic)
     best = max(usable, key=lambda fit: fit.fit)
     supported = [fit for fit in usable if fit.supported and fit.fit >= best.fit - _DRIFT]
@@ -126,24 +134,38 @@ def choose(fits: Mapping[str, Fit], fit_loss: float) -> tuple[str, str]:
     return min(near, key=lambda fit: (fit.n_poles + fit.n_zeros, fit.n_poles)).order, by_bic.order
 
 
+def _bridged(values: Floats, use: NDArray[np.bool_]) -> Floats:
+    """Values, straight lines where they do not count."""
+    at = np.arange(values.size)
+    return np.interp(at, at[use], values[use]) if use.any() else values
+
+
+def _answered(
+    record: Record, counts: NDArray[np.bool_], delays: Sequence[float]
+) -> NDArray[np.bool_]:
+    """Samples that answer to commands that were logged: behind a gap those of the time before it
+    act as long as the delay lasts, and are not known. All, where little would be left."""
+    late = math.ceil(max(delays, default=0.0)) + 1
+    known, begun = np.ones(record.n, bool), set[str]()
+    for segment in record.segments:
+        if segment.run in begun and delays:
+            known[segment.start : min(segment.start + late, segment.stop)] = False
+        begun.add(segment.run)
+    enough = (counts & known).sum() > _ENOUGH * counts.sum()
+    return known if enough else np.ones(record.n, bool)
+
+
 def _scale(
     record: Record, plant: PlantSpec, counts: NDArray[np.bool_], longest_delay: int
 ) -> tuple[Scale, tuple[float, ...]]:
     """Scales of the signals, and delays (in samples) to start from, by the samples in `counts`."""
-    pieces = [
-        piece
-        for segment in record.segments
-        for piece in np.split(
-            np.arange(segment.start, segment.stop),
-            np.flatnonzero(np.diff(counts[segment.samples])) + 1,
-        )
-        if counts[piece[0]]
-    ]
+    parts = [segment.samples for segment in record.segments]
     u, y = record[plant.input], record[plant.output]
-    answers = [y[i] for i in pieces]
-    if measures_acceleration(plant):
-        answers = [speed_of(a) for a in answers]
-    look = first_look([u[i] for i in pieces], answers, longest_delay)
+    answers = [y[part] for part in parts]
+    used = [counts[part] for part in parts]
+    if measures_acceleration(plant):  # a sum, in which a sample that does not count would go on
+        answers = [speed_of(_bridged(*pair)) for pair in zip(answers, used, strict=True)]
+    look = first_look([u[part] for part in parts], answers, used, longest_delay)
     scale = Scale(
         float(np.std(u)) or 1.0,
         (float(np.std(y[counts])) or 1.0) * math.sqrt(counts.sum()),
@@ -267,6 +289,7 @@ def _fit(
         jacobian=jacobian,
         warnings=tuple(remark.message for remark in remarks),
         supported=not any(remark.unsupported for remark in remarks),
+        sound=not any(remark.unsound for remark in remarks),
     )
 
 

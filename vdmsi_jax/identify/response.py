@@ -22,6 +22,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from vdmsi_jax.identify.layout import Samples
+from vdmsi_jax.models.linear_plant import whole_and_rest
 from vdmsi_jax.models.state_space import StateSpace
 
 N_MAX = 5
@@ -158,10 +159,10 @@ def delayed(samples: Samples, d: Array) -> tuple[Array, Array]:
     the first 1 - g of each sampling period and that of the next for the rest. Before a segment it
     is that of its first sample. Returns `early, g`.
     """
-    whole = jnp.ceil(d)
+    whole, early = whole_and_rest(d, 1.0)
     flat = samples.u.reshape(-1)
-    at = jnp.arange(flat.size).reshape(samples.u.shape) - whole.astype(int)
-    return flat[jnp.maximum(at, samples.origin[:, None])], whole - d
+    at = jnp.arange(flat.size).reshape(samples.u.shape) - whole
+    return flat[jnp.maximum(at, samples.origin[:, None])], early
 
 
 def solve(G: Array, rhs: Array) -> Array:

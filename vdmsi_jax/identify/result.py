@@ -42,7 +42,8 @@ class Fit:
     - `jacobian` `(n, p)`: sensitivity of the predicted output to the parameters, initial states
       projected out.
     - `warnings`: what is odd about poles and zeros (cancelling pairs, near-integrators, and so on);
-      `supported` is False where the data cannot tell them from a smaller model.
+      `supported` is False where the data cannot tell them from a smaller model, `sound` where a
+      simulation goes wrong with them: it grows, or they are an alias of something slow.
     """
 
     order: str
@@ -64,6 +65,14 @@ class Fit:
     jacobian: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     warnings: tuple[str, ...] = ()
     supported: bool = True
+    sound: bool = True
+
+    def __repr__(self) -> str:
+        if self.model is None:
+            return f"<Fit {self.order} of {self.plant.name}: {self.status}>"
+        held_out = f", held out {self.held_out_fit:.2f} %" if np.isfinite(self.held_out_fit) else ""
+        told = f"FIT {self.fit:.2f} %{held_out}; {self.status}"
+        return f"<Fit {self.order} of {self.plant.name}: {told}>"
 
     @property
     def ok(self) -> bool:
@@ -80,12 +89,13 @@ class Fit:
 
     @property
     def poles(self) -> NDArray[np.complex128]:
-        """Poles in rad/s, shape `(n_poles,)`; empty without a model."""
+        """Poles in rad/s, shape `(n_poles,)`; empty without a model, fewer where a smaller order
+        was no worse (`status`)."""
         return np.zeros(0, complex) if self.model is None else _roots(self.model.den)
 
     @property
     def zeros(self) -> NDArray[np.complex128]:
-        """Zeros in rad/s, shape `(n_zeros,)`; empty without a model."""
+        """Zeros in rad/s, shape `(n_zeros,)`; empty without a model, fewer likewise."""
         return np.zeros(0, complex) if self.model is None else _roots(self.model.num)
 
     @property
@@ -124,6 +134,11 @@ class OrderGrid:
     chosen_by_bic: str
     fit_loss: float
     note: str = ""
+
+    def __repr__(self) -> str:
+        fitted = sum(fit.ok for fit in self.fits.values())
+        best = f"{self.chosen} (FIT {self.best.fit:.2f} %), by BIC {self.chosen_by_bic}"
+        return f"<OrderGrid of {self.plant.name}: {fitted} orders fitted, chosen {best}>"
 
     def __getitem__(self, order: str) -> Fit:
         if order not in self.fits:

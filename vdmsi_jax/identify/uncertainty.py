@@ -108,10 +108,11 @@ def deviation(gradient: NDArray, covariance: Floats) -> Floats:
 @dataclass(frozen=True)
 class Remark:
     """One thing about a model's poles and zeros; `unsupported` if the data cannot tell it from a
-    smaller model."""
+    smaller model, `unsound` if a simulation of it goes wrong: it grows, or is an alias."""
 
     message: str
     unsupported: bool
+    unsound: bool = False
 
 
 def support_remarks(
@@ -138,7 +139,11 @@ def support_remarks(
             remarks.append(Remark(f"{name} {told} {duration:.3g} s", True))
         elif pole.real > 0:
             within = " within its uncertainty" if pole.real <= _SUPPORT * std else ""
-            remarks.append(Remark(f"{name} is unstable{within}", True))
+            remarks.append(
+                Remark(f"{name} is unstable{within}", True, bool(pole.real * duration > 1.0))
+            )
+        elif pole.imag * dt > np.pi:
+            remarks.append(Remark(f"{name} swings faster than the sampling can show", True, True))
         elif abs(pole) * dt > np.pi:
             remarks.append(Remark(f"{name} is faster than the sampling can show", True))
     for zero, std in zip(zeros, deviation(of_zero, covariance), strict=True):
@@ -148,7 +153,9 @@ def support_remarks(
         if zero.real <= _SUPPORT * std or abs(zero) * dt > np.pi:
             told = "lies on the right, which the data do not support: its sign is within the noise"
         else:
-            told = "is non-minimum-phase: the step response first goes the wrong way"
+            slow = zero.real * duration <= 1.0
+            told = "in the end" if slow else "at first"
+            told = f"is non-minimum-phase: a step is answered the wrong way {told}"
         remarks.append(Remark(f"{name} {told}", False))
     return tuple(remarks)
 

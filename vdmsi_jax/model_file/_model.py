@@ -121,9 +121,10 @@ def load_model(path: str | Path) -> Model:
     document = read_json(path)
     schema = document.get("schema") if isinstance(document, dict) else None
     if schema not in (MODEL, IDENTIFY):
-        raise InputError(
-            source, "schema", f"unknown schema {schema!r}", nearest(str(schema), (MODEL, IDENTIFY))
-        )
+        mend = nearest(str(schema), (MODEL, IDENTIFY))
+        if str(schema).startswith("vdmsi.diagnosis/"):
+            mend = "give the model.json that stands beside it"
+        raise InputError(source, "schema", f"unknown schema {schema!r}", mend)
     if schema == IDENTIFY:
         document = {
             "schema": MODEL,
@@ -221,7 +222,7 @@ def _transfer_function(entry: "_Linear | _Entry") -> TransferFunction:
     if entry.delay < 0.0:
         raise InputError("model", "delay", f"{entry.delay} is negative", "give seconds")
     num, den = np.array(entry.num), np.array(entry.den)
-    return TransferFunction(num, den, delay=entry.delay, offset=entry.offset)
+    return TransferFunction(num, den, delay=entry.delay or None, offset=entry.offset or None)
 
 
 @dataclass(frozen=True)

@@ -118,7 +118,7 @@ class LinearPlant(AbstractPlant):
         if self.delay is None:
             return None
         dt = jnp.asarray(dt, float)
-        return dt - _whole_and_rest(self.delay, dt)[1]
+        return dt - whole_and_rest(self.delay, dt)[1]
 
     def initial_state(
         self, u0: Float[Array, ""], duration: float | Float[Array, ""]
@@ -153,7 +153,7 @@ class LinearPlant(AbstractPlant):
             lead, following = None, jnp.concatenate([u[1:], u[-1:]])
             Ad, Bd = to_jump, push = self.system.discretise(dt)
         else:  # row k sees u[k - whole]; at a delay of zero all is as above, bit for bit
-            whole, early = _whole_and_rest(self.delay, dt)
+            whole, early = whole_and_rest(self.delay, dt)
             rows = jnp.arange(u.shape[0]) - whole
             following = u[jnp.clip(rows + 1, 0, u.shape[0] - 1)]
             spans = jnp.stack([dt, dt - early, early])
@@ -175,8 +175,19 @@ class LinearPlant(AbstractPlant):
         return LinearPlant(system, rest, self.slowest, self.delay, self.offset)
 
 
-def _whole_and_rest(delay: Array, dt: Array) -> tuple[Array, Array]:
+def whole_and_rest(delay: Array, dt: ArrayLike) -> tuple[Array, Array]:
     """`delay = whole * dt - early` with an integer `whole` and `0 <= early < dt`; the derivative
     goes into `early`."""
     whole = jnp.ceil(jax.lax.stop_gradient(delay) / dt)
     return whole.astype(int), whole * dt - delay
+
+
+def delayed(
+    u: Float[Array, " N"], delay: Float[Array, ""], dt: ArrayLike
+) -> tuple[Float[Array, " N"], Float[Array, " N"], Float[Array, ""]]:
+    """The held command that acts at each row, that which acts at the end of its sample, and for how
+    long the latter does, s. Before the first row it is the first."""
+    whole, rest = whole_and_rest(delay, dt)
+    at = jnp.arange(u.shape[0]) - whole
+    early, late = (u[jnp.clip(i, 0, u.shape[0] - 1)] for i in (at, at + 1))
+    return early, late, rest

@@ -64,6 +64,8 @@ def _in_short(d: Diagnosis) -> list[Block]:
     kind = "warning" if d.verdict == "unexplained_structure" else "note"
     partly = d.unexplained and d.verdict != "unexplained_structure"
     verdict = VERDICTS[f"{d.verdict} in part" if partly else d.verdict]
+    if d.contradictions:
+        verdict = "These logs contradict themselves, and what follows is of what is left of them."
     return [Text(verdict, kind=kind), Text(d.summary), _tiles(d)]
 
 

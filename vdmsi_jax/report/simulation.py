@@ -44,9 +44,10 @@ def _run(i: int, comparison: Comparison) -> Section:
         blocks.append(Text(ended(capital(comparison.lacking)), kind="warning"))
     if channels:
         rows = [
-            [channel, *(percent(p.scores[channel].fit) for p in predictions.values())]
-            + [number(p.scores[channel].mse) for p in predictions.values()]
+            [channel, *(percent(s.fit) if s else "–" for s in scored)]
+            + [number(s.mse) if s else "–" for s in scored]
             for channel in channels
+            if (scored := [p.scores.get(channel) for p in predictions.values()])
         ]
         header = ["channel", *(f"FIT {n}" for n in predictions), *(f"MSE {n}" for n in predictions)]
         blocks += [

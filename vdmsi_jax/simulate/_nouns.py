@@ -31,7 +31,8 @@ class Start(eqx.Module):
     """State of a vehicle at the first row.
 
     Attributes:
-        x, y, psi: pose of the centre of gravity, m and rad.
+        x, y, psi: pose of the vehicle's point, m and rad: of its centre of gravity, or of the
+            logged reference point where `Model.to_vehicle` made it.
         v: speed, m/s, for `SpeedInput.ACCELERATION`; `None` for that of the powertrain's response.
         powertrain: state of the powertrain at the first row; `None` for a start at rest under the
             first command. (Of `RateLimited` it is the speed; give it where a run starts rolling.)
@@ -47,7 +48,8 @@ class Start(eqx.Module):
 
 
 class Trajectory(eqx.Module):
-    """The motion of the centre of gravity at the rows, each with its own command already applied.
+    """The motion of the point whose pose `Start` has, at the rows, each with its own command
+    already applied.
 
     Attributes:
         t: time, s.

@@ -17,6 +17,8 @@ from vdmsi_jax.simulate._nouns import (
     trajectory,
 )
 
+_SHORTEST = 1e-9  # of a sample, that a piece takes at least: both actuators may jump at one instant
+
 
 class Quadrature(AbstractMethod):
     """Gauss-Legendre quadrature inside each sample, on the exact responses of the actuators.
@@ -82,7 +84,8 @@ def _relaxed(
     v, curvature = in_time(speed, v), in_time(bend, curvature)
     between = jnp.diff(tau, prepend=0.0, append=dt)
     steps = jnp.tile(jnp.roll(between, 1), speed.shape[0] - 1)
-    curvature = vehicle.relaxed(curvature, v, jnp.append(steps, between[-1]))
+    steps = jnp.append(steps, between[-1]) + _SHORTEST * dt  # a floor would have no slope
+    curvature = vehicle.relaxed(curvature, v, steps)
     every = tau.shape[0] + 1
     return curvature[:-1].reshape(-1, every)[:, 1:], speed * curvature[::every]
 

@@ -1,0 +1,72 @@
+"""Which order of a grid is chosen, and what a grid says of itself."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import made_up
+import vdmsi_jax as vj
+from vdmsi_jax.data.segment import Segment
+from vdmsi_jax.identify.orders import choose
+
+LOG = made_up.record()
+
+
+def grid(**fits):
+    """Orders by name: FIT, and what is False of it."""
+    made = {}
+    for order, (score, *lacks) in fits.items():
+        lacking = dict.fromkeys(lacks, False)
+        made[order] = replace(made_up.fit(order, LOG), fit=score, bic=-score, **lacking)
+    return made
+
+
+@pytest.mark.parametrize(
+    ("fits", "chosen"),
+    [
+        ({"P1Z0": (90.0,), "P2Z0": (94.0,), "P3Z0": (94.3,)}, "P2Z0"),
+        ({"P1Z0": (90.0,), "P2Z1": (92.0, "supported")}, "P1Z0"),
+        ({"P1Z0": (90.0,), "P2Z1": (94.0, "supported")}, "P2Z1"),
+        ({"P1Z0": (90.0,), "P4Z1": (94.0, "supported", "sound")}, "P1Z0"),
+        ({"P1Z0": (60.0,), "P2Z0": (94.0, "supported", "sound")}, "P2Z0"),  # a plant that grows
+    ],
+)
+def test_the_smallest_order_that_the_data_support(fits, chosen):
+    assert choose(grid(**fits), 0.5)[0] == chosen
+
+
+def test_the_least_bic_is_not_that_of_a_model_that_grows():
+    assert choose(grid(P1Z0=(90.0,), P4Z1=(94.0, "sound")), 0.5)[1] == "P1Z0"
+
+
+def test_fits_and_grids_are_told_in_a_line():
+    found = made_up.order_grid()
+    assert "\n" not in repr(found) and f"chosen {found.chosen}" in repr(found)
+    assert "FIT" in repr(found["P2Z1"]) and "improper" in repr(found["P1Z3"])
+    assert len(repr(found["P2Z1"])) < 120
+
+
+def test_a_fit_alone_makes_a_model():
+    found = made_up.order_grid()
+    model = vj.identified({"steering": found["P3Z0"]})
+    assert model.plants["steering"].linear.den.size == 4
+
+
+@pytest.mark.slow
+def test_behind_a_gap_what_answers_to_unknown_commands_does_not_count():
+    """A step inside a hole, just before the log goes on, is no delay that is shorter."""
+    rng, dt, late = np.random.default_rng(2), 0.02, 5
+    u = np.repeat(rng.uniform(-0.4, 0.4, 40), 50)
+    y, x = np.empty_like(u), u[0]
+    for k in range(u.size):
+        y[k] = x
+        x += 0.15 * (u[max(k - late, 0)] - x)
+    y += 0.002 * rng.standard_normal(y.size)
+    steps = range(150, 2000, 200)
+    log = vj.Record.from_arrays(dt=dt, name="gaps", delta_cmd=u, delta=y)
+    begin, end = [0, *(s + 2 for s in steps)], [*(s - 40 for s in steps), u.size]
+    log = log.select([Segment(a, b, "gaps") for a, b in zip(begin, end, strict=True)])
+    fit = vj.identify(log, "steering", poles=1, zeros=0, held_out=0.0).best
+    low, high = fit.interval("delay")
+    assert low - 0.002 < late * dt < high + 0.002
