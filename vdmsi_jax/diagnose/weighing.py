@@ -123,7 +123,9 @@ class Weighing:
         small = share < MINOR or (beside and not leads)
         puzzling, disturbed = (x * (1.0 - share) > _PUZZLE for x in (puzzle, disturbance))
         small = small or not trial.believed(share, puzzling, disturbed)
-        small = small or puzzle * (1.0 - share) > share  # most of it is what it stands in for
+        wandering = disturbance if cause.cause == "periodic_disturbance" else 0.0
+        # most of it is what it stands in for, or wanders as it does
+        small = small or max(puzzle, wandering) * (1.0 - share) > share
         small = small or (puzzling and cause.search is not None and self._wanders(found))
         imitated = trial.gain.typical <= 0.0 and self._imitated(cause, trial.gain)
         # the share of a delay is told against a plant without zeros, and says less

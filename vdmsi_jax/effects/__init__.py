@@ -52,7 +52,6 @@ ACTUATOR: tuple[AbstractEffect, ...] = (
     CrossCoupling(by="cornering"),
     CrossCoupling(by="speed"),
     CrossCoupling(by="acceleration"),
-    GainAsymmetry(by="command"),
     GainDrift(over="run"),
     GainDrift(over="session"),
     RegimeChange(over="run"),
@@ -61,6 +60,7 @@ ACTUATOR: tuple[AbstractEffect, ...] = (
     Quantization(by="floor"),
     Quantization(by="truncation"),
     DeadZone(),
+    GainAsymmetry(by="command"),  # of what comes through: a valve's overlap is the same both ways
     LateDeadZone(),
     Backlash(at="command"),
     Saturation(at="command"),
