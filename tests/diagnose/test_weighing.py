@@ -255,6 +255,17 @@ def test_a_name_that_takes_less_than_what_stays_a_puzzle_stands_in_for_it(puzzle
     assert WEIGHING.minor(play, trial, told, puzzle, 0.0, False, [(play, trial)]) is minor
 
 
+@pytest.mark.parametrize("cause", ["periodic_disturbance", "backlash"])
+@pytest.mark.parametrize("disturbance", [0.3, 0.9])
+def test_a_line_is_one_where_what_wanders_beside_it_is_less(cause, disturbance):
+    line = named(cause)
+    trial, told = judged(line, 90.0, 91.5)
+    trial = replace(trial, gain=replace(trial.gain, typical=0.28))
+    told = replace(told, parameters={"frequency": Estimate(0.5, 0.001, "Hz")})
+    minor = WEIGHING.minor(line, trial, told, 0.0, disturbance, False, [(line, trial)])
+    assert minor is (cause == "periodic_disturbance" and disturbance == 0.9)
+
+
 def test_of_what_only_brief_noise_shows_little_mends_what_takes_more():
     search = searched(BriefNoise(1.0, 0.1))
     weighing = replace(WEIGHING, searches={SPEC: search})

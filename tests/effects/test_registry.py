@@ -3,11 +3,14 @@
 import inspect
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from effects.worlds import REGISTRY, WORLDS, benches, label, places
-from vdmsi_jax.effects import AbstractEffect
+from vdmsi_jax.effects import ACTUATOR, AbstractEffect, Signals
+from vdmsi_jax.effects.dead_zone import DeadZone
+from vdmsi_jax.effects.gain_asymmetry import GainAsymmetry
 from vdmsi_jax.parameters import parameters
 
 WORDS = set(
@@ -32,6 +35,14 @@ def test_every_word_has_an_effect_and_every_effect_such_a_word():
 def test_no_cause_is_registered_twice_in_one_form():
     names = [label(effect) for effect in REGISTRY]
     assert len(set(names)) == len(names)
+
+
+def test_a_dead_zone_is_the_same_both_ways_before_the_gain_differs():
+    zone, gain = DeadZone(0.2), GainAsymmetry(1.0, by="command")
+    u, order = jnp.array([-0.5, -0.1, 0.1, 0.5]), [label(effect) for effect in ACTUATOR]
+    for effect in sorted((gain, zone), key=lambda effect: order.index(label(effect))):
+        u = effect.command(u, Signals.plain(4, 0.1))
+    np.testing.assert_allclose(u, [-0.3, 0.0, 0.0, 0.6])
 
 
 @every_effect
