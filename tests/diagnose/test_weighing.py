@@ -255,6 +255,14 @@ def test_a_name_that_takes_less_than_what_stays_a_puzzle_stands_in_for_it(puzzle
     assert WEIGHING.minor(play, trial, told, puzzle, 0.0, False, [(play, trial)]) is minor
 
 
+@pytest.mark.parametrize(("se", "minor"), [(0.3, False), (2.0, True)])
+def test_a_small_gain_that_is_less_than_its_standard_error_is_minor(se, minor):
+    grade = named("road_grade")
+    trial, told = judged(grade, 80.0, 81.4)
+    trial = replace(trial, gain=replace(trial.gain, se=se))
+    assert WEIGHING.minor(grade, trial, told, 0.0, 0.0, False, [(grade, trial)]) is minor
+
+
 @pytest.mark.parametrize("cause", ["periodic_disturbance", "backlash"])
 @pytest.mark.parametrize("disturbance", [0.3, 0.9])
 def test_a_line_is_one_where_what_wanders_beside_it_is_less(cause, disturbance):

@@ -1,5 +1,7 @@
 """Sentences say what the numbers say, for better and for worse."""
 
+from dataclasses import replace
+
 import pytest
 
 from vdmsi_jax.diagnose.result import Estimate, Finding, Gain
@@ -25,6 +27,20 @@ def test_a_gain_rises_and_a_loss_falls():
     worse = said(33.6, 21.5, typical=0.99)
     assert "falls from 33.6 to 21.5 %" in worse
     assert "half of the stretches lose 99 % of their error" in worse
+
+
+@pytest.mark.parametrize(
+    ("cause", "form", "size", "told"),
+    [
+        ("gain_asymmetry", "by the sign of the effort", -0.496, "Pushing acts 0.504 times as"),
+        ("gain_asymmetry", "by the sign of the command", 0.5, "Positive commands act 1.5 times"),
+        ("speed_scale", "", -0.016, "It moves 1.6 % slower than its speed says."),
+        ("geometry_scale", "", 0.14, "as if its wheelbase were 14 % longer than told."),
+    ],
+)
+def test_a_ratio_says_which_side_is_weaker(cause, form, size, told):
+    ratio = {"ratio": Estimate(size, 0.01, "1")}
+    assert told in sentence(replace(found(), cause=cause, form=form, parameters=ratio))
 
 
 @pytest.mark.parametrize(

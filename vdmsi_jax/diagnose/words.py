@@ -26,6 +26,7 @@ def sentence(f: Finding) -> str:
         sizes.append(f"{in_words(name)} {number(e.value)}{spread}{unit}")
     form = f" {f.form}" if f.form else ""
     said = [f"{place[:1].upper()}{place[1:]}: {in_words(f.cause)}{form}, {', '.join(sizes)}."]
+    said += _meaning(f)
     if "phase" in f.parameters:
         said.append("Every run begins at a phase of its own; this is the first's.")
     g = f.gain
@@ -59,6 +60,23 @@ def sentence(f: Finding) -> str:
         names = " and ".join(in_words(r.cause) for r in out)
         said.append(f"Ruled out: {names}.")
     return " ".join(said)
+
+
+def _meaning(f: Finding) -> list[str]:
+    """What a ratio or a scale says, in a sentence, where its number alone does not."""
+    size = next(iter(f.parameters.values())).value if f.parameters else 0.0
+    percent = f"{number(100.0 * abs(size))} %"
+    if f.cause == "gain_asymmetry":
+        one, other = ("Positive commands act", "negative ones")
+        if "effort" in f.form:
+            one, other = "Pushing acts", "braking"
+        return [f"{one} {number(1.0 + size)} times as strongly as {other}."]
+    if f.cause == "speed_scale":
+        return [f"It moves {percent} {'faster' if size > 0.0 else 'slower'} than its speed says."]
+    if f.cause == "geometry_scale":
+        longer = "longer" if size > 0.0 else "shorter"
+        return [f"It turns as if its wheelbase were {percent} {longer} than told."]
+    return []
 
 
 def verdict(d: Diagnosis) -> str:

@@ -77,7 +77,7 @@ def _tiles(d: Diagnosis) -> Tiles:
         tiles.append(("mean translation error", metres(end), remark))
     for channel, before in d.channels.items():
         after = d.extended.get(channel, before)
-        rise = "" if after.fit == before.fit else f"from {percent(before.fit)}; "
+        rise = "" if after.fit == before.fit else f"baseline {percent(before.fit)}; "
         remark = f"{rise}noise allows {percent(before.ceiling)}"
         tiles.append((f"FIT of {channel}", percent(after.fit), remark))
     return Tiles(tiles)
