@@ -259,7 +259,7 @@ def test_a_name_that_takes_less_than_what_stays_a_puzzle_stands_in_for_it(puzzle
 def test_a_small_gain_that_is_less_than_its_standard_error_is_minor(se, minor):
     grade = named("road_grade")
     trial, told = judged(grade, 80.0, 81.4)
-    trial = replace(trial, gain=replace(trial.gain, se=se))
+    trial = replace(trial, gain=replace(trial.gain, se=se, typical=0.4))
     assert WEIGHING.minor(grade, trial, told, 0.0, 0.0, False, [(grade, trial)]) is minor
 
 

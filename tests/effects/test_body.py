@@ -71,7 +71,7 @@ CASES = {
     "SpeedScale": [
         Case((0.04,), "speed", V, (), lambda: 1.04 * V, lambda out: slope(V, out) - 1.0)
     ],
-    "Misalignment": [
+    "Misalignment angle": [
         Case((-0.007,), "angle", DELTA, (), lambda: DELTA - 0.007, lambda out: np.mean(out - DELTA))
     ],
     "Bank": [
@@ -94,6 +94,12 @@ CASES = {
         Case(
             (0.0023,), "curvature", KAPPA, (V,), lambda: KAPPA / (1.0 + 0.0023 * V**2),
             lambda out: slope(out * V**2, KAPPA - out),
+        )
+    ],
+    "YawOffset turning": [
+        Case(
+            (0.035,), "curvature", KAPPA, (V,), lambda: KAPPA + 0.035 * V / (V**2 + 0.05**2),
+            lambda out: np.mean(V * (out - KAPPA)), tolerance=5e-3,
         )
     ],
     "TyreRelaxation": [

@@ -18,6 +18,7 @@ from jaxtyping import Array, Bool, Float
 from ..config import CANONICAL
 from ..effects import VEHICLE, AbstractEffect, SensorBias, SensorDelay, SensorLag
 from ..effects.base import first_order
+from ..effects.yaw_offset import YawOffset
 from ..models.bicycle import Bicycle
 from ..parameters import parameters
 from ..programs import Kept, Static
@@ -61,6 +62,11 @@ class BodyCause:
     @property
     def cause(self) -> str:
         return self.effect.cause
+
+    @property
+    def told(self) -> tuple[str, str, str | None]:
+        """What a diagnosis says of it, whichever form it has."""
+        return self.cause, self.where, self.channel
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -226,6 +232,7 @@ class Body:
             i
             for i, c in enumerate(CAUSES)
             if i not in self.refuted
+            and not (self.by_yaw_rate and isinstance(c.effect, YawOffset))
             and (poses or (c.cause, c.channel) not in hidden)
             and ("r" in self.measured or (c.cause, c.channel) not in yaw)
         )

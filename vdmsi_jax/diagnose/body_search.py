@@ -238,11 +238,12 @@ def _eliminated(body: Body, now: BodyFit) -> BodyFit:
 
 
 def _may_join(number: int, at: BodyFit) -> bool:
-    """Whether a cause is not on, nor the other form of one that is: a sensor is late by a lag or by
-    a delay."""
+    """Whether a cause is not on, nor another form of one that is: a vehicle has one offset, and a
+    sensor is late by a lag or by a delay."""
     late = [CAUSES[k].channel for k in at.active if CAUSES[k].cause in _LAGGING]
     own = CAUSES[number]
-    return number not in at.active and not (own.cause in _LAGGING and own.channel in late)
+    on = {CAUSES[k].told for k in at.active}
+    return own.told not in on and not (own.cause in _LAGGING and own.channel in late)
 
 
 def screen_body(body: Body, at: BodyFit) -> list[tuple[float, int, np.ndarray]]:

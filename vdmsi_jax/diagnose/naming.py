@@ -6,9 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..effects.misalignment import Misalignment
+from ..effects.yaw_offset import YawOffset
 from ..models.observer_form import made_up_for
 from . import swing
-from .body import CAUSES, Body
+from .body import CAUSES, Body, BodyCause
 from .body_fit import BodyFit
 from .body_search import BodyFinding, BodySearch
 from .colour import whiten
@@ -142,13 +144,11 @@ def of_body(search: BodySearch) -> list[Named]:
         rivals = [
             Rival(CAUSES[k].cause, CAUSES[k].where, lack, lack < MARGIN)
             for k, lack in finding.others
-            if k not in failed
+            if k not in failed and CAUSES[k].told != cause.told
         ]
         named = Named(
-            cause.cause,
-            cause.where,
-            cause.channel,
-            _told_otherwise(cause.cause, parameters, search.body),
+            *cause.told,
+            _told_otherwise(cause, parameters, search.body),
             parameters,
             finding.gain,
             len(index),
@@ -165,6 +165,11 @@ def as_offset(cause: Named) -> Named:
     if cause.cause != "bank":
         return cause
     offset = next((r for r in cause.rivals if r.cause == "offset" and r.indistinguishable), None)
+    if cause.body is not None and not any(
+        isinstance(CAUSES[k].effect, Misalignment) and lack < MARGIN
+        for k, lack in cause.body.others
+    ):
+        offset = None  # or one of the yaw rate
     slope, pull = cause.parameters["slope"], cause.parameters["pull"]
     if offset is None or abs(slope.value) > _CLEAR * slope.std:
         return cause
@@ -172,10 +177,13 @@ def as_offset(cause: Named) -> Named:
     return replace(cause, cause="offset", parameters={"bias": pull}, rivals=rivals)
 
 
-def _told_otherwise(cause: str, parameters: Mapping[str, Estimate], body: Body) -> str:
-    """How else a cause of the body is measured: understeer by the lateral acceleration, since
-    `L / R (1 + K v^2) = L / R + K L a` (Gillespie, Fundamentals of Vehicle Dynamics, 1992)."""
-    if cause != "understeer":
+def _told_otherwise(cause: BodyCause, parameters: Mapping[str, Estimate], body: Body) -> str:
+    """Which form a cause of the body has, and how else it is measured: understeer by the lateral
+    acceleration, since `L / R (1 + K v^2) = L / R + K L a` (Gillespie, Fundamentals of Vehicle
+    Dynamics, 1992)."""
+    if isinstance(cause.effect, YawOffset):
+        return "of the yaw rate"
+    if cause.cause != "understeer":
         return ""
     per_acceleration = parameters["gradient"].value * float(body.bicycle.wheelbase)
     return f"of {per_acceleration:.2g} rad per m/s^2"
@@ -310,6 +318,8 @@ def merged(causes: list[Named]) -> list[Named]:
             sign = 1.0
             if seen is None and word == "sensor_bias" and channel == "delta":
                 seen, sign = _first(kept, "offset", "vehicle"), -1.0
+                if seen is not None and seen.parameters[parameter].unit != "rad":
+                    seen = None  # it turns the vehicle, and no wheels
             if own is None or seen is None:
                 continue
             a, b = own.parameters[parameter], seen.parameters[parameter]

@@ -18,6 +18,7 @@ _SMALLEST, _WIDEST = 0.02, 0.25  # steps that are tried, of the command's range
 _PACES = (1.0, 2.0, 5.0)  # of a plant beside a delay, which had told it by a slower pole
 _DELAYS, _LONGEST, _NEARLY = 16, 0.1, 2.0  # how many are tried, up to which share of the longest
 # run, and how much more than the least error others may leave
+_LINGERS = 2.5  # over the length of the runs, the fastest pole that may tell an offset by its start
 _LEVEL = 0.05  # of the response, by which it is tried to be off
 _DRAGGED, _DRAG = ((1, 0), (2, 0)), (0.35, 0.7)  # plants, and shares of their damping
 _BEYOND, _OUTLASTS = 5, 3.0  # places of a faster pole, up to the rate of the samples, where all
@@ -105,12 +106,12 @@ def backward(h: Hypothesis) -> np.ndarray:
 
 
 def lingers(stage: Stage, h: Hypothesis) -> bool:
-    """Whether a pole that outlasts the runs has a zero beside it, so that the command hardly moves
-    it: all that it tells is an offset of each run, as the state at its start."""
+    """Whether a pole that outlasts the better part of the runs has a zero beside it, so that the
+    command hardly moves it: what it tells is an offset of each run, as the state at its start."""
     once = 1.0 / (stage.u.shape[1] * stage.dt * stage.pace)
     poles, zeros = np.roots(h.den), np.roots(h.num)
     near = np.abs(poles[:, None] - zeros) < once
-    return bool(np.any(near & (np.abs(poles) < once)[:, None]))
+    return bool(np.any(near & (np.abs(poles) < _LINGERS * once)[:, None]))
 
 
 def levelled(stage: Stage, h: Hypothesis) -> list[Hypothesis]:

@@ -121,7 +121,8 @@ class Weighing:
         rest = rest and found.statistic < _CERTAIN
         beside = rest and 0.0 <= part < MINOR
         small = share < MINOR or (beside and not leads)
-        small = small or (rest and 0.0 <= points < trial.gain.se)  # anywhere else it may be a loss
+        unsure = found.share < _MUCH and 0.0 <= points < min(trial.gain.se, _POINTS)
+        small = small or (unsure and found.statistic < _CERTAIN)  # elsewhere it may be a loss
         puzzling, disturbed = (x * (1.0 - share) > _PUZZLE for x in (puzzle, disturbance))
         small = small or not trial.believed(share, puzzling, disturbed)
         wandering = disturbance if cause.cause == "periodic_disturbance" else 0.0

@@ -40,6 +40,7 @@ from vdmsi_jax.effects.transport_delay import TransportDelay
 from vdmsi_jax.effects.tyre_relaxation import TyreRelaxation
 from vdmsi_jax.effects.understeer import Understeer
 from vdmsi_jax.effects.yaw_inertia import YawInertia
+from vdmsi_jax.effects.yaw_offset import YawOffset
 
 ACTUATOR: tuple[AbstractEffect, ...] = (
     GainNonlinearity(by="sign"),
@@ -97,6 +98,7 @@ VEHICLE: tuple[AbstractEffect, ...] = (
     GeometryScale(),
     Understeer(),
     TyreRelaxation(),
+    YawOffset(),
     YawInertia(),
 )
 """Every cause that the body and the road may have, off, in the order in which they act."""

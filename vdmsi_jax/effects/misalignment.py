@@ -1,7 +1,8 @@
 """Offset of the vehicle: the wheels stand otherwise than the steering sensor says."""
 
-from typing import ClassVar
+from typing import ClassVar, Literal
 
+import equinox as eqx
 from jaxtyping import Array, Float
 
 from vdmsi_jax.effects.base import AbstractEffect, Scales
@@ -14,6 +15,7 @@ class Misalignment(AbstractEffect):
     cause: ClassVar[str] = "offset"
 
     bias: Float[Array, ""] = parameter("rad", "added to the road-wheel angle")
+    by: Literal["angle"] = eqx.field(static=True, default="angle")
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
         return [(-0.005,), (0.005,)]
