@@ -28,7 +28,7 @@ import control
 import jax
 import numpy as np
 import scipy.signal
-from identification import DT, PLANT, SAMPLES, signals
+from identification import DT, PLANT, SAMPLES, signals, timed
 from scipy_peers import fit_percent
 from sippy_unipi import system_identification
 from sysidentpy.basis_function import Polynomial
@@ -104,6 +104,10 @@ class JaxSysid:
     def _tell(self, line: str) -> None:
         print(line, file=self.process.stdin, flush=True)
 
+    def clock(self) -> float:
+        """CPU time of this process and of the fits of the other, s."""
+        return time.process_time() + self.cpu_time
+
     def __call__(self) -> list[Floats]:
         self._tell("fit")
         assert self.process.stdout is not None
@@ -115,21 +119,14 @@ class JaxSysid:
         return [np.asarray(free) for free in answer["predicted"]]
 
 
-def timed(run: Callable[[], Any]) -> tuple[Any, float, float]:
-    """What it makes, and its wall and CPU time, that of another process included."""
-
-    def cpu() -> float:
-        return time.process_time() + getattr(run, "cpu_time", 0.0)
-
-    began, used = time.perf_counter(), cpu()
-    made = run()
-    return made, time.perf_counter() - began, cpu() - used
-
-
 def by_turns(runs: dict[str, Callable[[], Any]], repeats: int) -> tuple[dict, dict, dict]:
     """What each makes, and medians of its wall and CPU time; the first turn, which compiles, is not
     counted."""
-    turns = [{name: timed(run) for name, run in runs.items()} for _ in range(repeats + 1)]
+
+    def turn(run: Callable[[], Any]) -> tuple[Any, float, float]:
+        return timed(run, 1, run.clock if isinstance(run, JaxSysid) else time.process_time)
+
+    turns = [{name: turn(run) for name, run in runs.items()} for _ in range(repeats + 1)]
     made = {name: turns[-1][name][0] for name in runs}
     wall, cpu = (
         {name: statistics.median(turn[name][k] for turn in turns[1:]) for name in runs}

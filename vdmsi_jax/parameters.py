@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from collections.abc import Iterable
 from typing import Any
 
 import equinox as eqx
@@ -59,3 +60,10 @@ def parameters(effect: Any) -> dict[str, Parameter]:
         for field in dataclasses.fields(effect)
         if "parameter" in field.metadata
     }
+
+
+def with_values(effect: Any, values: Iterable[Any]) -> Any:
+    """An effect with other values of its parameters, in the order of its fields."""
+    for name, value in zip(parameters(effect), values, strict=True):
+        effect = eqx.tree_at(lambda e, name=name: getattr(e, name), effect, value)
+    return effect

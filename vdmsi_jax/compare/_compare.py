@@ -137,9 +137,9 @@ def _score(
 ) -> Prediction:
     """Set what was predicted against what was measured; filled-in samples do not count."""
     scores, posed = {}, has_pose(channels.keys() & set(record.channels))
-    unscored = set(POSE) if posed else set()  # a pose has errors
-    if has_pose(channels.keys()):
-        unscored |= {"x", "y"}  # half of one has no start; of a plant of its own, `y` is a response
+    moved = has_pose(channels.keys())  # else `y` is a response of a plant of its own
+    # a pose has errors, and half of one no start
+    unscored = POSE if posed else ("x", "y") if moved else ()
     for channel in channels:
         if channel in record and channel not in unscored:
             seen = record.measured(channel)

@@ -9,7 +9,6 @@ not pile errors up.
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -18,9 +17,10 @@ from jaxtyping import Array, Bool, Float
 from ..config import CANONICAL
 from ..effects import VEHICLE, AbstractEffect, SensorBias, SensorDelay, SensorLag
 from ..effects.base import first_order
+from ..effects.misalignment import Misalignment
 from ..effects.yaw_offset import YawOffset
 from ..models.bicycle import Bicycle
-from ..parameters import parameters
+from ..parameters import parameters, with_values
 from ..programs import Kept, Static
 from ..units import si_symbol
 from .chain import Chain
@@ -107,6 +107,9 @@ CAUSES = (
     *(BodyCause(effect, "sensor", channel) for channel, effect in SENSORS),
 )
 """The causes of this stage, in the order of their parameters."""
+
+ASKEW = next(i for i, cause in enumerate(CAUSES) if isinstance(cause.effect, Misalignment))
+"""The number of wheels that stand askew, which a bias of the angle's sensor is as well."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,14 +295,12 @@ def _motion(vector, v, delta, bicycle, dt, by_yaw_rate, yaw_bias):
     sensed: dict[str, Array] = {}
     at, effects = len(NUISANCE), []
     for cause in CAUSES:
-        effect, own = cause.effect, vector[at : at + len(cause.names)]
+        own = vector[at : at + len(cause.names)]
         at += len(cause.names)
         if cause.channel is not None:
             sensed[f"{cause.channel} {cause.cause}"] = own[0]
             continue
-        for name, value in zip(cause.names, own, strict=True):
-            effect = eqx.tree_at(lambda e, name=name: getattr(e, name), effect, value)
-        effects.append(effect)
+        effects.append(with_values(cause.effect, own))
     told = v
     v = _unsensed(v - sensed["v sensor_bias"], sensed["v sensor_lag"], sensed["v sensor_delay"], dt)
     delta = _unsensed(delta, sensed["delta sensor_lag"], sensed["delta sensor_delay"], dt)

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
@@ -12,6 +11,7 @@ from ..effects import AbstractEffect
 from ..model_file import Model, Plant
 from ..models.extended_plant import ExtendedPlant
 from ..models.transfer_function import TransferFunction
+from ..parameters import with_values
 from . import swing
 from .body import CAUSES
 from .body_search import BodySearch
@@ -78,10 +78,7 @@ def _body(found: BodySearch) -> tuple[tuple[AbstractEffect, ...], tuple]:
     for k, cause in enumerate(CAUSES):
         if k not in found.final.active:
             continue
-        effect = cause.effect
-        for name, i in zip(cause.names, index[k], strict=True):
-            value = jnp.asarray(theta[i])
-            effect = eqx.tree_at(lambda e, name=name: getattr(e, name), effect, value)
+        effect = with_values(cause.effect, jnp.asarray(theta[list(index[k])]))
         if cause.channel is None:
             body.append(effect)
         else:

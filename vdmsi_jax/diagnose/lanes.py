@@ -18,7 +18,7 @@ from ..effects import AbstractEffect, Scales, Signals
 from ..models.extended_plant import respond
 from ..models.observer_form import effort_of_steps, observer, slowness_of, steps_of
 from ..models.state_space import StateSpace
-from ..parameters import parameters
+from ..parameters import parameters, with_values
 from ..programs import Kept, Static
 
 POLES = 4
@@ -136,11 +136,12 @@ class Unravel(eqx.Module):
         """The effects with the parameters in `vector`."""
         values, at, made = jnp.asarray(vector), 0, []
         for effect in self.effects:
+            new = []
             for name in parameters(effect):
                 old = getattr(effect, name)
-                new = values[at : at + old.size].reshape(old.shape)
+                new.append(values[at : at + old.size].reshape(old.shape))
                 at += old.size
-                effect = eqx.tree_at(lambda e, name=name: getattr(e, name), effect, new)
+            effect = with_values(effect, new)
             made.append(_Inert() if self.by_rows and effect.remembers else effect)
         return tuple(made)
 

@@ -6,11 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..effects.misalignment import Misalignment
 from ..effects.yaw_offset import YawOffset
 from ..models.observer_form import made_up_for
 from . import swing
-from .body import CAUSES, Body, BodyCause
+from .body import ASKEW, CAUSES, Body, BodyCause
 from .body_fit import BodyFit
 from .body_search import BodyFinding, BodySearch
 from .colour import whiten
@@ -165,10 +164,7 @@ def as_offset(cause: Named) -> Named:
     if cause.cause != "bank":
         return cause
     offset = next((r for r in cause.rivals if r.cause == "offset" and r.indistinguishable), None)
-    if cause.body is not None and not any(
-        isinstance(CAUSES[k].effect, Misalignment) and lack < MARGIN
-        for k, lack in cause.body.others
-    ):
+    if cause.body is not None and not dict(cause.body.others).get(ASKEW, MARGIN) < MARGIN:
         offset = None  # or one of the yaw rate
     slope, pull = cause.parameters["slope"], cause.parameters["pull"]
     if offset is None or abs(slope.value) > _CLEAR * slope.std:

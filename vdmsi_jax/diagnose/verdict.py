@@ -10,7 +10,7 @@ import numpy as np
 from ..config import PlantSpec
 from ..data.record import Record
 from .angle import steering_angle
-from .body import CAUSES, CHANNELS
+from .body import ASKEW, CAUSES, CHANNELS
 from .body_search import BodySearch, at_fixed, chained
 from .budget import of_channel, of_path
 from .channels import channel_scores, responses, units_of
@@ -165,10 +165,7 @@ class Evidence:
         )
         value = next(iter(cause.parameters.values())).value
         if number is None and word == "sensor_bias":  # of the angle: as wheels that stand otherwise
-            number = next(
-                i for i, c in enumerate(CAUSES) if (c.cause, c.where) == ("offset", "vehicle")
-            )
-            value = -value
+            number, value = ASKEW, -value
         if number is None or number in self.bodily.final.active:
             return 0.0
         return at_fixed(self.bodily, number, value)

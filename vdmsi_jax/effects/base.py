@@ -92,9 +92,14 @@ class Effort(eqx.Module):
     h: Float[Array, ""]
 
     @property
+    def level(self) -> Float[Array, ""]:
+        """`rest`, kept off zero to divide by."""
+        return jnp.where(jnp.abs(self.rest) > 1e-12, self.rest, 1e-12)
+
+    @property
     def still(self) -> Float[Array, ""]:
         """The command that would hold the response where it is, its unit."""
-        return self.y / jnp.where(jnp.abs(self.rest) > 1e-12, self.rest, 1e-12)
+        return self.y / self.level
 
 
 class Scales(eqx.Module):

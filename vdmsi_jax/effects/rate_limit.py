@@ -48,10 +48,9 @@ class RateLimit(AbstractEffect):
             return jnp.zeros_like(at.u)
         rate, unit = at.rate, 1.0 / at.gain
         if self.at == "drive":
-            still = jnp.where(jnp.abs(at.rest) > 1e-12, at.rest, 1e-12)
             # how far ahead the command is per rate; the response moves on within the sub-step
             ahead = jnp.maximum(jnp.abs(at.lag), _LEAST * jnp.abs(at.slowness))
-            unit = jnp.maximum(ahead + 0.5 * at.h / jnp.abs(still), 1e-9)
+            unit = jnp.maximum(ahead + 0.5 * at.h / jnp.abs(at.level), 1e-9)
             rate = (at.u - at.still) / unit
         limit = jnp.maximum(1.0, jnp.maximum(rate * self.rising, -rate * self.falling))
         return (rate - rate / limit) * unit
