@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from ..threads import each
 from .body import CAUSES, LAGS, NUISANCE, Body
 from .chain import regress
 from .colour import least_squares, whiten
@@ -79,13 +80,11 @@ def refit_body(
     for lane, y in zip(lanes, _answers(body, [lane.theta for lane in lanes]), strict=True):
         lane.y = y
     for _ in range(rounds):
-        for lane in lanes:
-            lane.recolour()
+        each(Lane.recolour, lanes)
         moving = lanes
         for _ in range(steps):
             moving = _step(body, moving)
-    for lane in lanes:
-        lane.recolour()
+    each(Lane.recolour, lanes)
     return [lane.finish() for lane in lanes]
 
 
@@ -101,13 +100,11 @@ def polished(body: Body, fit: BodyFit) -> BodyFit:
 
 def moved(body: Body, fit: BodyFit, thetas: Float[np.ndarray, "L P"]) -> list[BodyFit]:
     """A fit at other parameters, its colours estimated anew."""
-    fits = []
-    for theta, y in zip(thetas, _answers(body, list(thetas)), strict=True):
-        lane = Lane(body, fit.active, theta)
+    lanes = [Lane(body, fit.active, theta) for theta in thetas]
+    for lane, y in zip(lanes, _answers(body, list(thetas)), strict=True):
         lane.y, lane.colour = y, dict(fit.colour)
-        lane.recolour()
-        fits.append(lane.finish())
-    return fits
+    each(Lane.recolour, lanes)
+    return [lane.finish() for lane in lanes]
 
 
 def _answers(body: Body, thetas: Sequence[np.ndarray]) -> list[dict[str, np.ndarray]]:
@@ -318,7 +315,7 @@ def _step(body: Body, lanes: Sequence[Lane]) -> list[Lane]:
     tried = _answers(body, trials)
     moved, many = [], len(_DAMPINGS)
     for i, lane in enumerate(lanes):
-        costs = [lane.cost(y) for y in tried[many * i : many * (i + 1)]]
+        costs = each(lane.cost, tried[many * i : many * (i + 1)])
         best = int(np.argmin(np.where(np.isfinite(costs), costs, np.inf)))
         if costs[best] < lane.value:
             if lane.value - costs[best] > _SETTLED:

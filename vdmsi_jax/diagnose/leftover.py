@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..config import PlantSpec
+from ..threads import each
 from .angle import derived, steering_angle
 from .body import CAUSES, Body
 from .body_fit import BodyFit, residual
@@ -71,9 +72,8 @@ def leftover(
     runs: Runs, searches: Mapping[PlantSpec, Search], bodily: BodySearch | None
 ) -> list[Unexplained]:
     """What the final models leave in the responses of the plants and in the yaw rate."""
-    found = []
-    for spec, own in searches.items():
-        found += _of_stage(runs, spec, own)
+    by_stage = each(lambda pair: _of_stage(runs, *pair), list(searches.items()))
+    found = [left for own in by_stage for left in own]
     if bodily is not None:
         found += _of_body(runs, bodily) + jumps_of_pose(runs.names, bodily)
     return found
