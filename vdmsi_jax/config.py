@@ -51,14 +51,15 @@ class VehicleGeometry:
             the rear, as a forklift.
         reference_point: the point whose speed and pose are logged. Logs of real vehicles often mean
             the rear axle, and reading those as the centre of gravity makes side slip where there is
-            none.
-        lever_arm: with `reference_point = "sensor"`, how far the sensor sits ahead of the centre of
-            gravity, m (negative behind it).
+            none. With a lever arm it is the sensor, unless it is the rear axle, which is refused.
+        lever_arm: how far the sensor sits ahead of the centre of gravity, m (negative behind it).
     """
 
     l_f: float
     l_r: float
-    reference_point: Literal["cog", "rear_axle", "sensor"] = "cog"
+    reference_point: Literal[
+        "cog", "rear_axle", "sensor", "centre_of_gravity", "center_of_gravity"
+    ] = "cog"
     lever_arm: float | None = None
 
     def __post_init__(self):
@@ -71,7 +72,10 @@ class VehicleGeometry:
         problem = f"l_f + l_r = {self.wheelbase:g} m is no wheelbase"
         fine = _SHORTEST <= abs(self.wheelbase) <= _LONGEST
         _require(fine, self, "l_f", problem, "give the distances in metres")
-        fine = (self.reference_point == "sensor") == (self.lever_arm is not None)
+        point = "cog" if self.reference_point.endswith("gravity") else self.reference_point
+        point = "sensor" if point == "cog" and self.lever_arm is not None else point
+        object.__setattr__(self, "reference_point", point)  # one name for each from here on
+        fine = (point == "sensor") == (self.lever_arm is not None)
         problem = f"does not go with reference_point = {self.reference_point!r}"
         mend = 'give it (m ahead of the centre of gravity) with "sensor", and only then'
         _require(fine, self, "lever_arm", problem, mend)
@@ -87,9 +91,9 @@ class VehicleGeometry:
     def rear_to_reference(self) -> float:
         """How far the reference point lies ahead of the rear axle, m (zero for the rear axle
         itself)."""
-        return {"rear_axle": 0.0, "cog": self.l_r}.get(
-            self.reference_point, self.l_r + (self.lever_arm or 0.0)
-        )
+        if self.reference_point == "rear_axle":
+            return 0.0
+        return self.l_r + (self.lever_arm or 0.0)
 
 
 @dataclass(frozen=True)

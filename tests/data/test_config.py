@@ -68,6 +68,10 @@ def test_no_file_means_the_defaults():
         ),
         ("[vehicle]\nl_f = 1\nl_r = 1\nreference_point = 'sensor'", ["lever_arm"]),
         (
+            "[vehicle]\nl_f = 1\nl_r = 1\nreference_point = 'rear_axle'\nlever_arm = 0.3",
+            ["lever_arm", "rear_axle"],
+        ),
+        (
             "[vehicle]\nl_f = 1\nl_r = 1\nreference_point = 'sensor'\nlever_arm = inf",
             ["lever_arm", "metres"],
         ),
@@ -124,11 +128,21 @@ def test_files_that_are_none(tmp_path):
 
 @pytest.mark.parametrize(
     ("point", "arm", "expected"),
-    [("cog", None, 1.2), ("rear_axle", None, 0.0), ("sensor", 0.3, 1.5), ("sensor", -1.2, 0.0)],
+    [
+        ("cog", None, 1.2),
+        ("centre_of_gravity", None, 1.2),
+        ("rear_axle", None, 0.0),
+        ("sensor", 0.3, 1.5),
+        ("sensor", -1.2, 0.0),
+        ("cog", 0.3, 1.5),
+    ],
 )
 def test_where_the_reference_point_is(point, arm, expected):
     vehicle = VehicleGeometry(1.75, 1.2, point, arm)
     assert vehicle.rear_to_reference == pytest.approx(expected) and vehicle.wheelbase == 2.95
+    assert vehicle.reference_point == (
+        "sensor" if arm else point.replace("centre_of_gravity", "cog")
+    )
 
 
 def test_decoding_serves_any_dataclass():

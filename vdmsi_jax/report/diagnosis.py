@@ -256,8 +256,8 @@ def _changes(d: Diagnosis) -> list[Block]:
     )  # fmt: skip
     blocks: list[Block] = [
         Table(header, rows, caption="What each cause is worth on data that no fit has seen; ± is "
-              f"one standard error. Predicted is what the first steps from the screen had "
-              f"promised.{seen}"),
+              "one standard error. Without it the model is fitted anew, and need not be the "
+              f"baseline. Predicted is what the first steps from the screen had promised.{seen}"),
         Picture(
             plots.to_svg(plots.gains(d), "gains"),
             "FIT without and with each cause, with 95 % error bars of the gain, beside the FIT "
