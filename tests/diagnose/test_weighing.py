@@ -110,11 +110,20 @@ def test_what_four_others_tell_as_well_is_a_name_only_by_itself():
 @pytest.mark.parametrize("cause", ["resonance", "periodic_disturbance"])
 @pytest.mark.parametrize(("hertz", "nothing"), [(0.02, True), (0.5, False)])
 def test_what_swings_does_so_a_few_times_or_is_any_slow_error(hertz, nothing, cause):
-    seen = {"frequency": Estimate(hertz, 0.01, "Hz"), "damping": Estimate(0.05, 0.01, "1")}
+    seen = {"frequency": Estimate(hertz, 1e-4, "Hz"), "damping": Estimate(0.05, 0.01, "1")}
     mode = replace(
         made_up_diagnosis.siso().findings[0], cause=cause, parameters=seen, gain=gain(0.4)
     )
     assert WEIGHING._negligible(mode) is nothing
+
+
+@pytest.mark.parametrize(("std", "nothing"), [(0.1, False), (0.3, True)])
+def test_a_line_has_a_frequency_that_is_told_to_a_part_of_a_swing(std, nothing):
+    """Wind has none: it swings in one run as it does not in another."""
+    longest = RUNS.length * RUNS.dt
+    seen = {"frequency": Estimate(8.0 / longest, std / longest, "Hz")}
+    line = replace(finding("periodic_disturbance", 0.4), parameters=seen, gain=gain(0.4))
+    assert WEIGHING._negligible(line) is nothing
 
 
 def of_a_car(cause: str, where: str, value: float, points: float, **more) -> Finding:
@@ -245,6 +254,18 @@ def test_a_trace_beside_a_cause_that_takes_nearly_all_is_minor(before, minor):
     trial, told = judged(play, before, 97.4)
     trials = [(coupling, judged(coupling, 80.0, 97.4)[0]), (play, trial)]
     assert WEIGHING.minor(play, trial, told, 0.0, 0.0, False, trials) is minor
+
+
+@pytest.mark.parametrize(("before", "minor"), [(97.36, True), (97.2, False)])
+def test_a_trace_that_is_next_to_nothing_is_minor_however_sure_it_is(before, minor):
+    play, coupling = named("backlash"), named("cross_coupling")
+    trial, told = judged(play, before, 97.4)
+    trials = [(coupling, judged(coupling, 80.0, 97.4)[0]), (play, trial)]
+    told = replace(told, statistic=600.0)
+    assert WEIGHING.minor(play, trial, told, 0.0, 0.0, False, trials) is minor
+    late = named("transport_delay")  # which zeros of the plant without it have told nearly as well
+    trials = [trials[0], (late, trial)]
+    assert not WEIGHING.minor(late, trial, told, 0.0, 0.0, False, trials)
 
 
 @pytest.mark.parametrize(("puzzle", "minor"), [(0.3, False), (0.6, True)])

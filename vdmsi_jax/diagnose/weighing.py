@@ -24,6 +24,7 @@ _MUCH, _POINTS, _CERTAIN = 0.2, 2.0, 500.0  # of what all others leave, of FIT, 
 # exams wrong names so small had up to 0.02, 0.1 and 220, right ones 0.23, 0.5 and 500
 _TRACE, _TRACE_POINTS, _TRACE_SHARE = 0.005, 0.5, 0.3  # of what its channel errs by with no cause,
 # of FIT, and of what all others leave, below which a cause is a trace beside another's form
+_NEXT_TO_NOTHING = 0.1  # points of FIT, below which it is one however sure
 _SLIGHT, _SLIGHT_POINTS = 60.0, 0.3  # twice the log-likelihood and FIT, below which both a cause of
 # the body, the road or a sensor is what no vehicle is without
 _WEAK, _STRONG = 0.05, 0.5  # shares: below the first beside one above the second a cause is minor,
@@ -39,6 +40,7 @@ _DRAGGED, _DRAG = 0.5, 0.25  # points of FIT and share, below which both a speed
 _TURNS = 0.1  # s, below which a body's lag by its inertia is every vehicle's
 _SWINGS = 3.0  # in the longest run, of a mode or a periodic disturbance, below which any slow error
 # has it
+_BLURRED = 0.2  # of a swing, that the frequency may be off over the longest run: wind had 0.29
 _DAMPED = 0.24  # ratio, from which a mode is rather two poles that the plant lacks
 _KINDS = (
     frozenset({"coulomb_friction", "backlash"}),
@@ -116,9 +118,10 @@ class Weighing:
         """
         share = max(found.share, trial.gain.typical)
         part, points = self._of_all(cause, trial.gain), trial.gain.after - trial.gain.before
-        trace = 0.0 <= part < _TRACE and points < _TRACE_POINTS
+        nothing = points < _NEXT_TO_NOTHING and cause.cause != "transport_delay"  # zeros tell it
+        trace = nothing or (0.0 <= part < _TRACE and points < _TRACE_POINTS)
         rest = share < (_TRACE_SHARE if trace else _MUCH) and points < _POINTS
-        rest = rest and found.statistic < _CERTAIN
+        rest = rest and (nothing or found.statistic < _CERTAIN)
         beside = rest and 0.0 <= part < MINOR
         small = share < MINOR or (beside and not leads)
         unsure = found.share < _MUCH and 0.0 <= points < min(trial.gain.se, _POINTS)
@@ -225,9 +228,9 @@ class Weighing:
         """Whether it is less than a body's or a plant's own: a sensor that is late by less than
         half a sample, tyres by less than one that tell little, a body that turns with its tyres, a
         response that is early or late by what every bus takes, a mode that poles of the baseline
-        tell as well, or what hardly swings in these logs, or between their samples; a body that is
-        slightly another, or slower in bends; or a small gain in one channel that is none on the
-        road.
+        tell as well, or what hardly swings in these logs, at no frequency of its own, or between
+        their samples; a body that is slightly another, or slower in bends; or a small gain in one
+        channel that is none on the road.
         """
         value, dt = next(iter(found.parameters.values())).value, self.runs.dt
         none, g = False, found.gain
@@ -246,7 +249,9 @@ class Weighing:
         elif found.cause == "transport_delay":
             none = value < 0.0 or (value < _BUS and g.after - g.before < _LATE)
         elif found.cause == "periodic_disturbance":
-            none = found.parameters["frequency"].value * self._longest < _SWINGS
+            frequency = found.parameters["frequency"]
+            none = frequency.value * self._longest < _SWINGS
+            none = none or frequency.std * self._longest > _BLURRED
         elif found.cause == "resonance":
             damping = found.parameters["damping"].value
             none = damping > _DAMPED or (damping > _LIGHT and self._part(g) < _ADDS)
