@@ -1,7 +1,6 @@
 """Threads: who may use the processors while this package computes."""
 
 import os
-import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
@@ -32,9 +31,9 @@ def one_for_blas() -> AbstractContextManager[object]:
 def each(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
     """What a function makes of every item, side by side, in the precision of the thread that asks.
 
-    All who ask share the same threads; where the function asks again, its own thread answers.
+    All who ask share the same threads, so the function must not ask again.
     """
-    if len(items) < 2 or getattr(_own, "asked", False):
+    if len(items) < 2:
         return [function(item) for item in items]
     double = bool(_SETTINGS.jax_enable_x64)
 
@@ -45,13 +44,6 @@ def each(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
     return list(_pool().map(run, items))
 
 
-def _asked() -> None:
-    _own.asked = True
-
-
 @cache
 def _pool() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(AT_ONCE, initializer=_asked)
-
-
-_own = threading.local()
+    return ThreadPoolExecutor(AT_ONCE)

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from ..threads import each
 from .body import CAUSES, LAGS, NUISANCE, Body
 from .chain import regress
 from .colour import least_squares, whiten
@@ -80,11 +79,13 @@ def refit_body(
     for lane, y in zip(lanes, _answers(body, [lane.theta for lane in lanes]), strict=True):
         lane.y = y
     for _ in range(rounds):
-        each(Lane.recolour, lanes)
+        for lane in lanes:
+            lane.recolour()
         moving = lanes
         for _ in range(steps):
             moving = _step(body, moving)
-    each(Lane.recolour, lanes)
+    for lane in lanes:
+        lane.recolour()
     return [lane.finish() for lane in lanes]
 
 
@@ -100,11 +101,13 @@ def polished(body: Body, fit: BodyFit) -> BodyFit:
 
 def moved(body: Body, fit: BodyFit, thetas: Float[np.ndarray, "L P"]) -> list[BodyFit]:
     """A fit at other parameters, its colours estimated anew."""
-    lanes = [Lane(body, fit.active, theta) for theta in thetas]
-    for lane, y in zip(lanes, _answers(body, list(thetas)), strict=True):
+    fits = []
+    for theta, y in zip(thetas, _answers(body, list(thetas)), strict=True):
+        lane = Lane(body, fit.active, theta)
         lane.y, lane.colour = y, dict(fit.colour)
-    each(Lane.recolour, lanes)
-    return [lane.finish() for lane in lanes]
+        lane.recolour()
+        fits.append(lane.finish())
+    return fits
 
 
 def _answers(body: Body, thetas: Sequence[np.ndarray]) -> list[dict[str, np.ndarray]]:
@@ -315,7 +318,7 @@ def _step(body: Body, lanes: Sequence[Lane]) -> list[Lane]:
     tried = _answers(body, trials)
     moved, many = [], len(_DAMPINGS)
     for i, lane in enumerate(lanes):
-        costs = each(lane.cost, tried[many * i : many * (i + 1)])
+        costs = [lane.cost(y) for y in tried[many * i : many * (i + 1)]]
         best = int(np.argmin(np.where(np.isfinite(costs), costs, np.inf)))
         if costs[best] < lane.value:
             if lane.value - costs[best] > _SETTLED:

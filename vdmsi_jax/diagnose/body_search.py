@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool
 
-from ..threads import each
 from .body import CAUSES, NUISANCE, Body
 from .body_fit import (
     BodyFit,
@@ -257,8 +256,8 @@ def screen_body(body: Body, at: BodyFit) -> list[tuple[float, int, np.ndarray]]:
     causes = [k for k in body.allowed if _may_join(k, at)]
     free = [*kept, *(i for k in causes for i in body.index[k])]
     columns = dict(zip(free, slopes(body, [lane], [free])[0], strict=True))
-
-    def promise(k: int) -> tuple[float, int, np.ndarray]:
+    found = []
+    for k in causes:
         own = [*kept, *body.index[k]]
         gain, step = _predict(body, lane, [columns[i] for i in own])
         theta = at.theta.copy()
@@ -266,9 +265,8 @@ def screen_body(body: Body, at: BodyFit) -> list[tuple[float, int, np.ndarray]]:
         bounded = np.clip(theta, low, high)
         index = list(body.index[k])
         fine = np.allclose(bounded[index], theta[index]) and bool(np.any(bounded[index] != 0.0))
-        return (gain if fine else 0.0), k, bounded
-
-    return sorted(each(promise, causes), key=lambda f: -f[0])
+        found.append((gain if fine else 0.0, k, bounded))
+    return sorted(found, key=lambda f: -f[0])
 
 
 def _predict(body: Body, lane: Lane, slopes: Sequence[dict]) -> tuple[float, np.ndarray]:

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from ..config import PlantSpec
-from ..threads import each
 from .angle import derived, steering_angle
 from .body import CAUSES, Body
 from .body_fit import BodyFit, residual
@@ -72,8 +71,9 @@ def leftover(
     runs: Runs, searches: Mapping[PlantSpec, Search], bodily: BodySearch | None
 ) -> list[Unexplained]:
     """What the final models leave in the responses of the plants and in the yaw rate."""
-    by_stage = each(lambda pair: _of_stage(runs, *pair), list(searches.items()))
-    found = [left for own in by_stage for left in own]
+    found = []
+    for spec, own in searches.items():
+        found += _of_stage(runs, spec, own)
     if bodily is not None:
         found += _of_body(runs, bodily) + jumps_of_pose(runs.names, bodily)
     return found

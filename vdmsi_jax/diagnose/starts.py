@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..effects import Scales
-from ..models.extended_plant import acts
+from ..effects import AbstractEffect, Scales
 from .hypothesis import Hypothesis, Refit
 from .lanes import FEED, NUMERATOR, POLES
 from .stage import Stage
@@ -211,7 +210,7 @@ def bent(stage: Stage, first: Refit) -> list[Hypothesis]:
     thetas, numbers = [], []
     for number in stage.allowed:
         slot = stage.slots[number]
-        if not acts(slot.effect, "command") or slot.cause not in _STATIC:
+        if type(slot.effect).command is AbstractEffect.command or slot.cause not in _STATIC:
             continue
         for probe in slot.effect.probes(stage.scales):
             for pace in (1.0, 4.0):
@@ -370,21 +369,12 @@ def _scaled(stage: Stage, thetas: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _forced(stage: Stage, thetas: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """What grows with the gain of each plant, and what it does by itself: from the level that was
-    measured at first it comes to rest, which says nothing of its gain, and is the same whatever
-    becomes of the command."""
-    plain = thetas.copy()
-    plain[:, _acting(stage)] = stage.off[_acting(stage)]
-    doubled = plain.copy()
+    measured at first it comes to rest, which says nothing of its gain."""
+    doubled = thetas.copy()
     doubled[:, NUMERATOR] *= 2.0
-    asked, which = np.unique(np.concatenate([thetas, plain, doubled]), axis=0, return_inverse=True)
-    y, once, twice = np.split(stage.simulate(asked)[:, stage.mask][which], 3)
-    free = 2.0 * once - twice
-    return y - free, free
-
-
-def _acting(stage: Stage) -> list[int]:
-    """Where the causes that act on the command have their parameters."""
-    return [i for slot in stage.slots if acts(slot.effect, "command") for i in slot.index]
+    y = stage.simulate(np.concatenate([thetas, doubled]))[:, stage.mask]
+    forced = y[len(thetas) :] - y[: len(thetas)]
+    return forced, y[: len(thetas)] - forced
 
 
 def _fitted(

@@ -9,7 +9,6 @@ import numpy as np
 
 from ..config import PlantSpec
 from ..data.record import Record
-from ..threads import each
 from .angle import steering_angle
 from .body import ASKEW, CAUSES, CHANNELS
 from .body_search import BodySearch, at_fixed, chained
@@ -24,7 +23,7 @@ from .manoeuvres import separate
 from .naming import Named, merged, of_body, of_stage, of_yaw_rate
 from .refit import refit
 from .remains import Remains, unexplained
-from .result import Detectable, Diagnosis, Finding, Rival, Unexplained
+from .result import Diagnosis, Finding, Rival, Unexplained
 from .road import Road
 from .rounding import COARSE, quantised, tells_rounding
 from .runs import Runs
@@ -83,7 +82,11 @@ class Evidence:
             extended=extended,
             ate=None if road is None else road.ate(),
             budget=tuple(self._budget([cause for cause, _ in sure], road)),
-            detectable=tuple(d for own in each(self._detectable, list(self.searches)) for d in own),
+            detectable=tuple(
+                d
+                for spec, found in self.searches.items()
+                for d in detectable(found.stage, found.final, units_of(self.records, spec))
+            ),
             unseen=self.unseen,
             responses=tuple(responses(self.records, *models)),
             paths=() if road is None else tuple(road.paths()),
@@ -274,10 +277,6 @@ class Evidence:
             for spec, own in self.searches.items()
         ]
         return found if road is None else [*found, of_path(road, causes)]
-
-    def _detectable(self, spec: PlantSpec) -> list[Detectable]:
-        found = self.searches[spec]
-        return detectable(found.stage, found.final, units_of(self.records, spec))
 
     def _held_out(self) -> str:
         runs = self.runs
