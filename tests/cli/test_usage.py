@@ -95,20 +95,41 @@ def test_main_leaves_with_code_two_in_process_too(tmp_path, capsys):
     assert "no.csv" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("own", ["", "--xla_cpu_use_fusion_emitters=true"])
-def test_programs_are_compiled_the_quick_way_unless_a_user_says_how(own):
-    program = """
+PREPARED = """
 import os
+import jax
 import jax.numpy as jnp
 from vdmsi_jax.cli import _prepare_jax
 _prepare_jax(cache=False)
-print(os.environ["XLA_FLAGS"], jnp.ones(3).sum())
+print(jax.config.jax_platforms, os.environ.get("XLA_FLAGS", ""), flush=True)
+print(jnp.ones(3).sum())
 """
-    environment = os.environ | {"XLA_FLAGS": own}
+
+
+def prepared(**environment: str) -> list[str]:
+    """The platforms asked for with what XLA was told, and a sum: of a process of its own."""
     ended = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, env=environment
+        [sys.executable, "-c", PREPARED],
+        capture_output=True,
+        text=True,
+        env=os.environ | {"JAX_PLATFORMS": ""} | environment,
     )
-    assert ended.stdout.strip() == f"{own or '--xla_cpu_use_fusion_emitters=false'} 3.0"
+    return ended.stdout.splitlines()
+
+
+@pytest.mark.parametrize("own", ["", "--xla_cpu_use_fusion_emitters=true"])
+def test_programs_are_compiled_the_quick_way_unless_a_user_says_how(own):
+    told = own or "--xla_cpu_use_fusion_emitters=false"
+    assert prepared(XLA_FLAGS=own) == [f"cpu {told}", "3.0"]
+
+
+def test_xla_is_told_nothing_where_jax_has_a_plugin_that_may_not_know_it(tmp_path):
+    (tmp_path / "jax_plugins" / "some_accelerator").mkdir(parents=True)
+    assert prepared(XLA_FLAGS="", PYTHONPATH=str(tmp_path)) == ["cpu ", "3.0"]
+
+
+def test_a_command_runs_on_the_platform_that_a_user_names():
+    assert prepared(JAX_PLATFORMS="elsewhere")[0].startswith("elsewhere ")
 
 
 @pytest.mark.parametrize(

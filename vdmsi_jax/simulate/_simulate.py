@@ -62,20 +62,21 @@ def simulate_many(
     start: Start | None = None,
     *,
     method: AbstractMethod | None = None,
-    batch_size: int = 50,
+    batch_size: int | None = None,
 ) -> Trajectory:
     """`simulate` over many vehicles, many records of commands, or both pairwise.
 
     Whatever has a leading axis is batched, the rest is shared: vehicles by `stack_vehicles` or
     `eqx.filter_vmap`, commands of the shape `(K, N)`, starts of the shape `(K,)`. Batches of
-    `batch_size` keep the memory small and are faster than one `jax.vmap` over thousands.
+    `batch_size` keep the memory small, and on a CPU are faster than one `jax.vmap` over thousands.
 
     Args:
         vehicles: one or K.
         commands: one record or K, of equal length.
         start: one or K.
         method: as in `simulate`.
-        batch_size: lanes at once.
+        batch_size: lanes at once; without it 50 on a CPU and 10 000 on an accelerator
+            (`benchmarks/accelerator.py`).
 
     Returns:
         Trajectories with a leading axis of K.
@@ -98,6 +99,8 @@ def simulate_many(
     def one(lane: tuple) -> Trajectory:
         return simulate(*eqx.combine(lane, shared, static), method=method)
 
+    if batch_size is None:
+        batch_size = 50 if jax.default_backend() == "cpu" else 10_000
     return lax.map(one, mapped, batch_size=batch_size)
 
 
