@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import numpy as np
+import jaxlib
 import pytest
 
 from commands import DEMO, EXTENDED, refused
@@ -119,7 +120,10 @@ def prepared(**environment: str) -> list[str]:
 
 @pytest.mark.parametrize("own", ["", "--xla_cpu_use_fusion_emitters=true"])
 def test_programs_are_compiled_the_quick_way_unless_a_user_says_how(own):
-    told = own or "--xla_cpu_use_fusion_emitters=false"
+    known = jaxlib.version.__version_info__ < (0, 12)
+    if own and not known:
+        pytest.skip("this XLA has one way only")
+    told = own or "--xla_cpu_use_fusion_emitters=false" * known
     assert prepared(XLA_FLAGS=own) == [f"cpu {told}", "3.0"]
 
 
