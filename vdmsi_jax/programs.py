@@ -37,7 +37,7 @@ def compile_quickly() -> None:
 
     It takes 0.8 of the time for a whole diagnosis, and its programs are as fast (jaxlib 0.10.2).
     Has no effect once JAX has begun to compute. A flag that XLA does not know ends the process, so
-    that it is told only to those that were seen to know it (jaxlib 0.10.0 to 0.11.2; 0.12.0 does not),
+    that it is told only to those that were seen to know it (jaxlib 0.10.0 to 0.11.2, not 0.12.0),
     and not where JAX has a plugin for another device, which brings an XLA of its own: that of CUDA
     knows no flags of CPUs, and ended the process even under `JAX_PLATFORMS=cpu` (0.11.2).
     """

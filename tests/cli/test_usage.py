@@ -5,8 +5,8 @@ import os
 import subprocess
 import sys
 
-import numpy as np
 import jaxlib
+import numpy as np
 import pytest
 
 from commands import DEMO, EXTENDED, refused
