@@ -28,6 +28,7 @@ from .starts import (
     ringing,
     scanned,
     shifted,
+    stuck,
     waiting,
 )
 
@@ -210,7 +211,8 @@ def _smaller(stage: Stage, grid: Mapping[tuple[int, int], Refit], plain: Refit) 
 def _afresh(stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]) -> list[Hypothesis]:
     """Causes that are not reached from the best plain plant."""
     plants = [plain, *_smaller(stage, grid, plain)[:1]]
-    small = [*bent(stage, grid[1, 0]), *delayed(stage, grid[1, 0]), *dragged(stage, grid)]
+    small = [*bent(stage, grid[1, 0]), *delayed(stage, grid[1, 0])]
+    small += [*dragged(stage, grid), *stuck(stage)]
     return [*small, *(h for p in plants for h in scanned(stage, p))]
 
 

@@ -21,6 +21,8 @@ _DELAYS, _LONGEST, _NEARLY = 16, 0.1, 2.0  # how many are tried, up to which sha
 _LINGERS = 2.5  # over the length of the runs, the fastest pole that may tell an offset by its start
 _LEVEL = 0.05  # of the response, by which it is tried to be off
 _DRAGGED, _DRAG = ((1, 0), (2, 0)), (0.35, 0.7)  # plants, and shares of their damping
+_STUCK_PACES, _STUCK_DAMPINGS, _STUCK = (1.0, 2.0, 4.0), (0.3, 1.0), (0.0, 0.01, 0.03, 0.1)
+_STICKS = 0.9  # of the error without friction, below which plants with it are begun from
 _BEYOND, _OUTLASTS = 5, 3.0  # places of a faster pole, up to the rate of the samples, where all
 # that are known take longer than a third of a run
 _CHANGE = 0.1  # of gain, to try moments with
@@ -244,6 +246,29 @@ def dragged(stage: Stage, grid: Mapping[tuple[int, int], Refit]) -> list[Hypothe
                 spent = 0.5 * share * pull / max(abs(damping), 1e-9) * stage.pace / usual
                 theta[stage.slots[number].index[0]] = spent
                 made.append(replace(h, active=(number,), theta=theta))
+    return made
+
+
+def stuck(stage: Stage) -> list[Hypothesis]:
+    """Plants of two poles that friction holds, the gain by least squares, where they explain the
+    response itself better than the same without: a linear fit takes the lag of what sticks for
+    poles and zeros, from which no refit finds back."""
+    made = []
+    for number in stage.allowed:
+        slot = stage.slots[number]
+        if slot.cause != "coulomb_friction" or getattr(slot.effect, "against", "") != "rate":
+            continue
+        levels = np.array(_STUCK) * stage.scales.command
+        ladder = [(w, zeta) for w in _STUCK_PACES for zeta in _STUCK_DAMPINGS]
+        thetas = np.repeat(stage.off[None], len(levels) * len(ladder), axis=0)
+        paces, dampings = np.tile(np.array(ladder).T, len(levels))
+        thetas[:, 0], thetas[:, 1] = 2.0 * dampings * paces, paces**2
+        thetas[:, POLES + 1] = paces**2
+        thetas[:, slot.index[0]] = np.repeat(levels, len(ladder))
+        errors, scaled = _scaled(stage, thetas)
+        free = errors[: len(ladder)].min()
+        best = np.argsort(errors)[:2]
+        made += [Hypothesis(2, 0, (number,), scaled[k]) for k in best if errors[k] < _STICKS * free]
     return made
 
 
