@@ -18,6 +18,7 @@ from vdmsi_jax.models.state_space import StateSpace, propagate
 from vdmsi_jax.models.transfer_function import TransferFunction
 
 _TOGETHER = 5  # effects that are passed by at once
+_FORCES = 2  # likewise of those inside the dynamics, in every sub-step
 
 
 class ExtendedTrace(AbstractTrace):
@@ -255,26 +256,36 @@ def _moved(
     steps: tuple[Float[Array, "n n"], Float[Array, "n 2"]] | None = None,
 ) -> Float[Array, " M"]:
     """What the dynamics and the forces inside them make of the held command."""
-    inside = [i for i, e in enumerate(effects) if acts(e, "effort") or acts(e, "load")]
-    forces = tuple(effects[i] for i in inside if acts(effects[i], "effort"))
+    forced = [i for i, e in enumerate(effects) if acts(e, "effort")]
+    loaded = [i for i, e in enumerate(effects) if acts(e, "load")]
+    forces = tuple(effects[i] for i in forced)
+    which = None if on is None or not forced else on[np.array(forced)]
 
     if steps is None:
         steps = steps_of(system, signals.leads, signals.h)
 
     def moved(held: Array) -> Array:
         load = _load(effects, held, signals, on)
-        return _dynamics(system, steps, rest, forces, held, signals, start, load)
+        return _dynamics(system, steps, rest, forces, held, signals, start, load, which)
 
     def free(held: Array) -> Array:
         first = rest * held[0] if start is None else start
         moving = propagate(steps[0], steps[1][:, 0], first, held)
         return moving.read(system.C[:, None])[:, 0] + system.D * held
 
+    def pushed(held: Array) -> Array:  # linear in the command and in the load
+        load = _load(effects, held, signals, on)
+        under = rest if start is None else jnp.zeros_like(rest)
+        first = load[0] * (under - ahead_of(system, signals.leads))
+        lowered = propagate(steps[0], steps[1][:, 1], first, load)
+        return free(held) - lowered.read(system.C[:, None])[:, 0]
+
     if on is None:  # bit for bit the same with forces that are off as without any
         return moved(held)
-    if not inside:
-        return free(held)
-    return lax.cond(jnp.any(on[np.array(inside)]), moved, free, held)
+    smooth = free
+    if loaded:
+        smooth = partial(lax.cond, jnp.any(on[np.array(loaded)]), pushed, free)
+    return smooth(held) if which is None else lax.cond(jnp.any(which), moved, smooth, held)
 
 
 def _load(
@@ -337,6 +348,7 @@ def _dynamics(
     signals: Signals,
     x0: Float[Array, " n"] | None = None,
     load: Float[Array, " M"] | None = None,
+    on: Bool[Array, " inside"] | None = None,
 ) -> Float[Array, " M"]:
     """The output at the start of each sub-step, with forces inside. The states are scalars of their
     own, so that a batch of plants is elementwise arithmetic.
@@ -345,6 +357,7 @@ def _dynamics(
         steps: of the system over a sub-step, for the command and for a force.
         x0: state at the start; at rest under the first command if None.
         load: forces that no motion changes; none of any kind act if None.
+        on: which of those `inside` may be on, as in `respond`.
     """
     Ad, Bd, Fd = steps[0], steps[1][:, 0], steps[1][:, 1]
     gain = system.C @ system.A @ Bd + system.C @ system.B
@@ -358,6 +371,12 @@ def _dynamics(
     slope = system.C @ system.A @ Ad
     m = [slope[i] for i in range(n)]
 
+    def spend(forces: tuple, u: Array, y: Array, stuck: Array, rate: Array, total: Array) -> tuple:
+        for effect in forces:
+            spent = effect.effort(Effort(u, y, rate, hold, stuck, level, slowness, lag, h))
+            rate, total = rate - hold * spent, total + spent
+        return rate, total
+
     def step(carry: tuple, now: tuple[Array, Array | None]) -> tuple[tuple, Array]:
         (x, stuck), (u, push) = carry, now
         y = x[0] + system.D * u
@@ -367,9 +386,13 @@ def _dynamics(
         before = carry[0]
         rate = _sum(m[j] * before[j] for j in range(n)) + gain * u - hold * push
         total = push
-        for effect in inside:
-            spent = effect.effort(Effort(u, y, rate, hold, stuck, level, slowness, lag, h))
-            rate, total = rate - hold * spent, total + spent
+        for k in range(0, len(inside), _FORCES):
+            part = slice(k, k + _FORCES)
+            act = partial(spend, inside[part], u, y, stuck)
+            if on is None:
+                rate, total = act(rate, total)
+            else:  # far more work than to ask
+                rate, total = lax.cond(jnp.any(on[part]), act, lambda *x: x, rate, total)
         stuck = jnp.where(jnp.abs(rate) < 1e-9 * jnp.abs(hold), 1.0, 0.0)
         return (tuple(x[i] - F[i] * total for i in range(n)), stuck), y
 
