@@ -72,3 +72,21 @@ def test_where_each_log_is_of_a_kind_of_its_own_each_gives_a_part():
 
 def test_a_single_log_has_nothing_whole_to_hold_out():
     assert judges(logs(steps(1))) is None
+
+
+def test_parts_judge_in_which_the_command_moves():
+    def moving(*blocks):
+        return np.sum([T > DT * (120 * k + 60) for k in blocks], axis=0) * 0.2
+
+    def first_of_parts(*angles):
+        runs = lay_out(logs(*angles, speeds=[3.0 + steps(5)] * len(angles)), whole=False)
+        return [spans[0][0] // 120 for spans in runs.judged]
+
+    assert first_of_parts(steps(1)) == [2]
+    assert first_of_parts(moving(0, 3, 6, 7)) == [3]  # would rest in the usual ones
+    assert first_of_parts(moving(0, 1, 4, 6)) == [1]
+    assert first_of_parts(moving(2, 4, 6, 8, 9)) == [2]
+    # of several that move only where the usual ones are not, one judges and others teach
+    assert sorted(first_of_parts(*[moving(3, 6, 9)] * 3)) == [2, 2, 3]
+    (others,) = lay_out(logs(moving(0, 3, 6, 7)), whole=False, others=True).judged
+    assert others[0][0] != 360

@@ -1,4 +1,5 @@
-"""Which logs judge what the others were fitted to: those whose commands the others cover.
+"""Which logs, or parts of them, judge what the others were fitted to: those whose commands the
+others cover.
 
 What a fit has not seen it cannot tell: a plant that was identified on a slow slalom says nothing of
 steps, and its errors there would be called structure.
@@ -17,6 +18,9 @@ _NEW = 0.3  # share of the commands from which on they are another kind of drivi
 _IDLE = 0.05  # of the energy of the others' commands, below which a log judges nothing
 _BINS = 20  # of the range of commands; one covers its neighbours, too
 _FEW = 6  # logs, of which every choice is looked at
+_BLOCKS, _JUDGING = 10, (2, 5, 8)  # parts of a single run, and which of them are held out
+_SHIFTS = (0, -1, 1)  # by which others are
+_QUIET = 0.1  # of what a command moves, below which what judges shows nothing of its plant
 
 
 def judges(records: Sequence[Record]) -> set[int] | None:
@@ -41,6 +45,40 @@ def judges(records: Sequence[Record]) -> set[int] | None:
     if 0 in fit or (not fit and news[0] <= _NEW):
         return set(last)
     return set(choices[min(fit, key=lambda k: news[k])]) if fit else None
+
+
+def parts(
+    pieces: Sequence[tuple[Record, int, int]], others: bool
+) -> list[tuple[tuple[int, int], ...]]:
+    """Of each piece (record, first sample, stop) the stretches that are held out, counted from its
+    first: three tenths that lie apart, since its end may show another regime. The same of each,
+    unless the commands of some channel rest there and move elsewhere. `others`: where those shall
+    not."""
+    records = list({id(r): r for r, _, _ in pieces}.values())
+    channels = [c for c in sorted(driving(records)) if all(c in r for r in records)]
+    edges = [np.linspace(0, b - a, _BLOCKS + 1).astype(int) for _, a, b in pieces]
+    moves = np.zeros((len(channels), len(pieces), _BLOCKS))
+    for k, channel in enumerate(channels):
+        for i, (record, a, b) in enumerate(pieces):
+            steps = np.abs(np.diff(record[channel][a:b], prepend=record[channel][a]))
+            moves[k, i] = np.add.reduceat(steps, edges[i][:-1])
+    moves /= np.maximum(moves.sum(axis=(1, 2), keepdims=True), 1e-300)
+
+    def balance(shifts: Sequence[int]) -> float:
+        held = [moves[:, i, np.add(_JUDGING, s)].sum(axis=1) for i, s in enumerate(shifts)]
+        share = np.sum(held, axis=0)[moves.any(axis=(1, 2))]
+        return float(np.min(np.minimum(share, 0.5 * (1.0 - share)), initial=1.0))
+
+    shifts = [0] * len(pieces)
+    if balance(shifts) < _QUIET:
+        for i in range(len(pieces)):
+            tried = [[*shifts[:i], s, *shifts[i + 1 :]] for s in _SHIFTS]
+            shifts = max(tried, key=balance)
+    shifts = [_SHIFTS[_SHIFTS.index(s) - 2] if others else s for s in shifts]
+    return [
+        tuple((int(own[j + s]), int(own[j + s + 1])) for j in _JUDGING)
+        for own, s in zip(edges, shifts, strict=True)
+    ]
 
 
 def driving(records: Sequence[Record]) -> set[str]:

@@ -4,18 +4,15 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from ..data.record import Record
 from .judge import Trial
 from .naming import Named
 from .result import ChannelScore, Estimate, Finding, Gain
+from .runs import same_step, sensor_step
 from .weighing import MINOR
 
 COARSE = 0.1
 """Share of a rounding in what a model leaves, from which on it is a finding."""
-
-_SAME_STEP = 2.0  # times the step of a sensor, up to which that of its plant's rounding is the same
 
 
 def quantised(records: Sequence[Record], scores: Mapping[str, ChannelScore]) -> list[Finding]:
@@ -24,8 +21,7 @@ def quantised(records: Sequence[Record], scores: Mapping[str, ChannelScore]) -> 
     for channel, score in scores.items():
         if not all(channel in record for record in records):
             continue  # made of others, so not a sensor's
-        steps = [step for r in records if (step := r.step(channel)) is not None]
-        step = float(np.median(steps)) if 2 * len(steps) > len(records) else None
+        step = sensor_step(records, channel)
         if step is None or step**2 / 12.0 < MINOR * score.mse:
             continue
         unit = records[0].units.get(channel, "1")
@@ -48,8 +44,7 @@ def tells_rounding(cause: Named, trial: Trial, rounded: Sequence[Finding]) -> bo
     channels = {cause.channel, trial.gain.channel}
     steps = [f.parameters["step"].value for f in rounded if f.channel in channels]
     if cause.cause == "quantization":
-        own = cause.parameters["step"].value
-        return any(step / _SAME_STEP < own < _SAME_STEP * step for step in steps)
+        return any(same_step(cause.parameters["step"].value, step) for step in steps)
     if cause.cause in ("offset", "sensor_bias"):
         return any(abs(cause.parameters["bias"].value) < 0.5 * step for step in steps)
     return False

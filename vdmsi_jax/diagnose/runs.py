@@ -9,16 +9,15 @@ from jaxtyping import Float
 from ..data.record import Record
 from ..data.segment import Segment
 from ..errors import InputError
-from .held_out import judges
+from .held_out import judges, parts
 
 _LONGEST = 6000  # samples of a run that are simulated at once; longer ones are cut
 _SHORTEST = 40  # samples of a run that is looked at
 _MOST = 15_000  # samples that are looked at; of more, stretches spread over all of them are
 _STRETCH = 2000  # samples of such a stretch
 _MOST_RUNS = 24  # that are looked at
+_SAME_STEP = 2.0  # times the step of a sensor, up to which that of its plant's rounding is the same
 _ROW = 0.02  # s, between rows of a vehicle's record
-_BLOCKS, _JUDGING = 10, (2, 5, 8)  # parts of a single run, and which of them are held out; others
-# are those before
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +104,18 @@ class Runs:
         return np.pad(own, more, mode="edge")
 
 
+def sensor_step(records: Sequence[Record], channel: str) -> float | None:
+    """Size of the steps in which a channel was measured, where more than half of the records were;
+    else None."""
+    steps = [step for r in records if (step := r.step(channel)) is not None]
+    return float(np.median(steps)) if 2 * len(steps) > len(records) else None
+
+
+def same_step(plant: float, sensor: float) -> bool:
+    """Whether a rounding that a plant seems to have is that of the sensor of its response."""
+    return sensor / _SAME_STEP < plant < _SAME_STEP * sensor
+
+
 def slower(record: Record) -> Record:
     """A vehicle's record at about 50 Hz, where it was sampled faster: commands are averaged over
     the longer rows, measurements are those at their beginning. A plant that is no vehicle's is left
@@ -153,25 +164,13 @@ def lay_out(records: Sequence[Record], whole: bool = True, others: bool = False)
     at_once = _STRETCH if many else _LONGEST
     for k, record in enumerate(records):
         for segment in record.segments:
-            parts = -(-len(segment) // at_once)
-            edges = np.linspace(segment.start, segment.stop, parts + 1).astype(int)
+            count = -(-len(segment) // at_once)
+            edges = np.linspace(segment.start, segment.stop, count + 1).astype(int)
             first = next(s.start for s in record.segments if s.run == segment.run)
-            for a, b in zip(edges[:-1], edges[1:], strict=True):
-                n = int(b - a)
-                if judging is None:
-                    spans = _apart(n, others)
-                else:
-                    spans = ((0, n),) if k in judging else ()
-                pieces.append(
-                    (
-                        segment.run,
-                        record,
-                        int(a),
-                        int(b),
-                        float(record.t[a] - record.t[first]),
-                        spans,
-                    )
-                )
+            for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+                since = float(record.t[a] - record.t[first])
+                spans = ((0, b - a),) if judging and k in judging else ()
+                pieces.append((segment.run, record, a, b, since, spans))
     longest = max(p[3] - p[2] for p in pieces)
     long = [p for p in pieces if p[3] - p[2] >= max(_SHORTEST, longest // 20)]
     if not long:
@@ -182,11 +181,8 @@ def lay_out(records: Sequence[Record], whole: bool = True, others: bool = False)
     if len(long) > most:
         picked = np.unique(np.linspace(0, len(long) - 1, most).astype(int))
         long = [long[i] for i in picked]
+    if judging is None:
+        spans = parts([(r, a, b) for _, r, a, b, _, _ in long], others)
+        long = [(*piece[:-1], own) for piece, own in zip(long, spans, strict=True)]
     columns = zip(*long, strict=True)
     return Runs(*map(tuple, columns), dt=records[0].dt)
-
-
-def _apart(n: int, others: bool) -> tuple[tuple[int, int], ...]:
-    """Stretches of `n` samples that are held out."""
-    edges = np.linspace(0, n, _BLOCKS + 1).astype(int)
-    return tuple((int(edges[k - others]), int(edges[k - others + 1])) for k in _JUDGING)

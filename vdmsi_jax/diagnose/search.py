@@ -30,8 +30,8 @@ _MUCH, SURE = 0.4, 2.5  # share of the error, and standard errors, that data hel
 _SURER = 3.0  # standard errors likewise, of a cause that can draw nearly any error
 _SLOW = 2.5  # squared error over innovations, from which on a part of it is slow
 _CLOSE, _LASTS = 5.0, 0.2  # of the score, that a cause may lack; share that it must take elsewhere
-_WORSENED = 0.2  # of the squared error on data held out, by which a cause may usually raise it
-_MADE_UP = 0.05  # of it, that it must take on the whole if it does
+WORSENED = 0.2  # of the squared error on data held out, by which a cause may usually raise it
+MADE_UP = 0.05  # of it, that it must take on the whole if it does
 FREE = 6.0
 """Weight of a cause from which on it can draw nearly any error."""
 _CLEAR = 2.0  # standard deviations, below which a parameter may be nothing
@@ -217,9 +217,9 @@ def _worse(scored: Scored, stage: Stage) -> bool:
     """Whether the plain error of data held out usually gets clearly larger, and is not made up for
     on the whole."""
     use = stage.held_out
-    if use.sum() <= FEW or scored.taken(use) > _MADE_UP:
+    if use.sum() <= FEW or scored.taken(use) > MADE_UP:
         return False
-    return bool(np.median(scored.parts(use, stage.dt)) < -_WORSENED)
+    return bool(np.median(scored.parts(use, stage.dt)) < -WORSENED)
 
 
 def _instead(stage: Stage, less: Refit, seen: Mapping[tuple, Refit], failed: set[int]) -> Refit:
