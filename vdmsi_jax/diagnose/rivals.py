@@ -12,7 +12,7 @@ from .refit import refit
 from .screen import RAGGED, leading, screen
 from .selection import joined, without
 from .stage import Stage
-from .starts import all_pole, backward
+from .starts import all_pole, backward, reduced
 
 _APART = 1.7  # standard errors over blocks, from which two causes are told apart
 _CLOSE, _FORM, _FAR = 15.0, 0.1, 50.0  # lack, the same as a share of the gain, and lack again, up
@@ -20,6 +20,7 @@ _CLOSE, _FORM, _FAR = 15.0, 0.1, 50.0  # lack, the same as a share of the gain, 
 _LOOPS = {"backlash", "coulomb_friction"}
 _LOOP = 0.5  # share of the gain, up to which blocks are asked which of them it is
 _LOOP_APART = 1.35  # standard errors that do: wrong ones had up to 1.2, right ones from 1.49 on
+_LARGER = 100.0  # lack, up to which a cause in a larger plant is tried in a smaller one
 _ABLE = 0.2  # share of the gain of a cause, that one in its place must promise or gain itself
 _TRIED = 5  # causes of a screen that are tried in the place of one
 _RIVALS = 8  # that are told
@@ -60,21 +61,28 @@ def findings_of(
         leaders = leading(stage, able, _TRIED)
         fits = refit(stage, [joined(less.hypothesis, c) for c in leaders])
         kept, own = set(less.hypothesis.active), stage.slots[number]
-        fits += [
+        beside = [
             f
             for f in seen.values()
             if kept < set(f.hypothesis.active) and len(f.hypothesis.active) == len(kept) + 1
             if not barred & set(f.hypothesis.active)
+        ]
+        fits += [
+            f
+            for f in beside
             # the cause itself, not a larger plant that imitates the one it stands for
             if (bare := seen.get((*order_of(f.hypothesis), frozenset(kept)))) is not None
             and score(stage, f) > score(stage, bare)
             and 2.0 * (f.loglik - bare.loglik) > _ABLE * gain
         ]
-        best: dict[int, Refit] = {}
-        for f in fits:
-            other = next(k for k in f.hypothesis.active if k not in kept)
-            if other not in best or score(stage, f) > score(stage, best[other]):
-                best[other] = f
+        # what was found in a larger plant and is nearly as good, in one of the same size
+        order = order_of(final.hypothesis)
+        large = [f for f in beside if f.hypothesis.poles > order[0]]
+        large = [f for f in large if lack(stage, final, f) < _LARGER]
+        large = _best_of_each(stage, large, kept)
+        again = refit(stage, [reduced(stage, f.hypothesis, order) for f in large.values()])
+        fits += [f for f in again if 2.0 * (f.loglik - less.loglik) > _ABLE * gain]
+        best = _best_of_each(stage, fits, kept)
         tried += best.values()
         rivals = [
             (k, lack(stage, final, f)) for k, f in best.items() if stage.slots[k].cause != own.cause
@@ -90,6 +98,16 @@ def findings_of(
         found.append(replace(finding, others=others, promised=promised, alike=tuple(alike)))
     best_other = max(tried, key=lambda f: score(stage, f), default=None)
     return tuple(found), best_other
+
+
+def _best_of_each(stage: Stage, fits: Sequence[Refit], kept: set[int]) -> dict[int, Refit]:
+    """The best fit with each cause beside those that are kept, by its number."""
+    best: dict[int, Refit] = {}
+    for f in fits:
+        other = next(k for k in f.hypothesis.active if k not in kept)
+        if other not in best or score(stage, f) > score(stage, best[other]):
+            best[other] = f
+    return best
 
 
 def _near(cause: str, other: str, lacks: float, gain: float) -> bool:

@@ -75,6 +75,11 @@ def _reduced(stage: Stage, h: Hypothesis, order: tuple[int, int]) -> tuple[Hypot
     return plant(h, stage, den, num), float(np.real(gone)) / stage.pace
 
 
+def reduced(stage: Stage, h: Hypothesis, order: tuple[int, int]) -> Hypothesis:
+    """The same with the slowest poles and stable zeros of its plant only."""
+    return _reduced(stage, h, order)[0]
+
+
 def _number(stage: Stage, cause: str) -> int:
     """Of the first effect that is this cause."""
     return next(i for i, slot in enumerate(stage.slots) if slot.cause == cause)

@@ -1,0 +1,32 @@
+"""Drives of the hunt whose answers were wrong once."""
+
+import pytest
+
+from hidden.generator import Case
+from hidden.hunt_case import examined, made
+from hidden.hunt_plan import Task
+from vdmsi_jax import diagnose
+
+
+def line_of(word: str, where: str, seed: int) -> dict:
+    """What the hunt writes of a large cause in plain driving."""
+    task = Task(Case(((word, where),), "large", seed, driving="plain"), "cause", where == "plant")
+    (ready,) = made([task])
+    return examined(*ready, diagnose)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("word", "where", "seed", "why"),
+    [
+        ("transport_delay", "plant", 5013, "the command rested where data were held out"),
+        ("quantization", "sensor:delta", 5000, "the body answered to the sensor's steps"),
+        ("saturation", "powertrain", 5047, "the limit was only tried in a larger plant"),
+    ],
+)
+def test_a_cause_is_among_those_told_and_nothing_else_is(word, where, seed, why):
+    line = line_of(word, where, seed)
+    (found,) = line["findings"]
+    assert word in {found["cause"], *(cause for cause, _ in found["rivals"])}, why
+    assert line["verdict"] == "explained"
+    assert all(after > before - 1.0 for before, after in line["fit"].values())
