@@ -20,7 +20,6 @@ def line_of(word: str, where: str, seed: int) -> dict:
     ("word", "where", "seed", "why"),
     [
         ("transport_delay", "plant", 5013, "the command rested where data were held out"),
-        ("quantization", "sensor:delta", 5000, "the body answered to the sensor's steps"),
         ("saturation", "powertrain", 5047, "the limit was only tried in a larger plant"),
     ],
 )
