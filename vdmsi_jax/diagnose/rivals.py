@@ -94,6 +94,8 @@ def findings_of(
             for k in near
             if steadiness(stage, best[k], final) < _apart(own.cause, stage.slots[k].cause)
         ]
+        if own.cause == "saturation" and not _reaches(stage, final, number):
+            alike += [k for k, _ in rivals if stage.slots[k].cause == "gain_nonlinearity"][:1]
         others = tuple(rivals)
         found.append(replace(finding, others=others, promised=promised, alike=tuple(alike)))
     best_other = max(tried, key=lambda f: score(stage, f), default=None)
@@ -108,6 +110,16 @@ def _best_of_each(stage: Stage, fits: Sequence[Refit], kept: set[int]) -> dict[i
         if other not in best or score(stage, f) > score(stage, best[other]):
             best[other] = f
     return best
+
+
+def _reaches(stage: Stage, fit: Refit, number: int) -> bool:
+    """Whether commands go beyond a limit with a round corner: the corner alone is a bend. Of other
+    limits they always do."""
+    slot, u = stage.slots[number], stage.u[stage.mask]
+    if getattr(slot.effect, "at", "") != "corner":
+        return True
+    upper, lower = fit.hypothesis.theta[list(slot.index[:2])]
+    return bool(max(u.max() * upper, -u.min() * lower) > 1.0)
 
 
 def _near(cause: str, other: str, lacks: float, gain: float) -> bool:
