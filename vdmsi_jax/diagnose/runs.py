@@ -107,7 +107,8 @@ class Runs:
 def sensor_step(records: Sequence[Record], channel: str) -> float | None:
     """Size of the steps in which a channel was measured, where more than half of the records were;
     else None."""
-    steps = [step for r in records if (step := r.step(channel)) is not None]
+    measured = [record for record in records if channel in record]
+    steps = [step for record in measured if (step := record.step(channel)) is not None]
     return float(np.median(steps)) if 2 * len(steps) > len(records) else None
 
 
