@@ -32,7 +32,7 @@ LANES = {"cpu": (50,), "gpu": (1000, 10_000)}
 
 
 def vehicle(scale) -> Vehicle:
-    """The paper's vehicle with each of its twelve numbers times one of `scale` (12,)."""
+    """The paper's vehicle with each of its ten numbers times one of `scale` (10,)."""
     powertrain, steering = (
         TransferFunction(jnp.array(num) * s[:2], jnp.array(den) * jnp.append(1.0, s[2:4]))
         for (num, den), s in ((POWERTRAIN, scale[:4]), (STEERING, scale[4:8]))
@@ -108,8 +108,8 @@ def main() -> None:
             seconds, results = measured(device, scales)
             firsts = firsts or results
             apart = [float(np.abs(a - b).max()) for a, b in zip(results, firsts, strict=True)]
-            name = f"{device.device_kind} ({os.cpu_count()} cores)" * (device.platform == "cpu")
-            name = name or device.device_kind
+            cores = f" ({os.cpu_count()} cores)" if device.platform == "cpu" else ""
+            name = f"{device.device_kind}{cores}"
             report[f"{count}, {name}"] = {"seconds": seconds, "apart": apart}
             for what, value in seconds.items():
                 print(f"  {name:32s}{what:28s}{1e6 * value / count:10.1f} us a scenario")

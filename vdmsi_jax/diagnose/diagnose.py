@@ -23,7 +23,8 @@ from .leftover import breaks_where_judged, is_another, only_where_judged
 from .noise import KnownNoise
 from .prepare import FEWEST, body_of, stage_of, stands
 from .result import Diagnosis, Unexplained
-from .runs import Runs, lay_out, sensor_step, slower
+from .rounding import of_the_sensor
+from .runs import Runs, lay_out, slower
 from .search import ActsInSteps, search
 from .stage import Stage
 from .verdict import Evidence
@@ -155,7 +156,7 @@ def _evidence(
             with jax.enable_x64(True), np.errstate(all="ignore"):  # both are a thread's own
                 stage = _stage(runs, several, spec, noise.get(spec.output))
                 found = search(stage)
-                rounds = found.rounded_by(sensor_step(runs.records, spec.output))
+                rounds = of_the_sensor(found, runs.records, spec.output)
                 return search(stage.but(rounds)) if rounds else found
         except InputError as why:
             return f"The {spec.name} was not looked at: {why}"

@@ -8,7 +8,6 @@ from jaxtyping import Bool, Float
 
 from ..config import PlantSpec
 from .hypothesis import Refit
-from .runs import same_step
 from .screen import Candidate
 from .stage import Stage
 from .starts import backward
@@ -120,17 +119,6 @@ class Search:
         covariance = fit.covariance[np.ix_(at, at)]
         each = np.abs(away) / np.sqrt(np.maximum(np.diag(covariance), 1e-300))
         return each, float(away @ np.linalg.pinv(covariance, hermitian=True) @ away)
-
-    def rounded_by(self, step: float | None) -> set[int]:
-        """Numbers of the causes that are a rounding which the sensor of the response, with its
-        `step`, makes as well."""
-        theta, slots = self.final.hypothesis.theta, self.stage.slots
-        return {
-            f.number
-            for f in self.findings
-            if step is not None and slots[f.number].cause == "quantization"
-            if same_step(float(theta[slots[f.number].index[0]]), step)
-        }
 
 
 def output_of(searches: Mapping[PlantSpec, Search], own: Search | None) -> str:

@@ -54,7 +54,7 @@ def parts(
     first: three tenths that lie apart, since its end may show another regime. The same of each,
     unless the commands of some channel rest there and move elsewhere. `others`: where those shall
     not."""
-    records = list({id(r): r for r, _, _ in pieces}.values())
+    records = list(dict.fromkeys(record for record, _, _ in pieces))
     channels = [c for c in sorted(driving(records)) if all(c in r for r in records)]
     edges = [np.linspace(0, b - a, _BLOCKS + 1).astype(int) for _, a, b in pieces]
     moves = np.zeros((len(channels), len(pieces), _BLOCKS))
@@ -74,7 +74,7 @@ def parts(
         for i in range(len(pieces)):
             tried = [[*shifts[:i], s, *shifts[i + 1 :]] for s in _SHIFTS]
             shifts = max(tried, key=balance)
-    shifts = [_SHIFTS[_SHIFTS.index(s) - 2] if others else s for s in shifts]
+    shifts = [_SHIFTS[(_SHIFTS.index(s) + 1) % len(_SHIFTS)] if others else s for s in shifts]
     return [
         tuple((int(own[j + s]), int(own[j + s + 1])) for j in _JUDGING)
         for own, s in zip(edges, shifts, strict=True)

@@ -79,10 +79,10 @@ def findings_of(
         order = order_of(final.hypothesis)
         large = [f for f in beside if f.hypothesis.poles > order[0]]
         large = [f for f in large if lack(stage, final, f) < _LARGER]
-        large = _best_of_each(stage, large, kept)
+        large = _by_cause(stage, large, kept)
         again = refit(stage, [reduced(stage, f.hypothesis, order) for f in large.values()])
         fits += [f for f in again if 2.0 * (f.loglik - less.loglik) > _ABLE * gain]
-        best = _best_of_each(stage, fits, kept)
+        best = _by_cause(stage, fits, kept)
         tried += best.values()
         rivals = [
             (k, lack(stage, final, f)) for k, f in best.items() if stage.slots[k].cause != own.cause
@@ -102,7 +102,7 @@ def findings_of(
     return tuple(found), best_other
 
 
-def _best_of_each(stage: Stage, fits: Sequence[Refit], kept: set[int]) -> dict[int, Refit]:
+def _by_cause(stage: Stage, fits: Sequence[Refit], kept: set[int]) -> dict[int, Refit]:
     """The best fit with each cause beside those that are kept, by its number."""
     best: dict[int, Refit] = {}
     for f in fits:

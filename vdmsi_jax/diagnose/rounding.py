@@ -4,15 +4,19 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from ..data.record import Record
+from .found import Search
 from .judge import Trial
 from .naming import Named
 from .result import ChannelScore, Estimate, Finding, Gain
-from .runs import same_step, sensor_step
 from .weighing import MINOR
 
 COARSE = 0.1
 """Share of a rounding in what a model leaves, from which on it is a finding."""
+
+_SAME_STEP = 2.0  # times the step of a sensor, up to which that of its plant's rounding is the same
 
 
 def quantised(records: Sequence[Record], scores: Mapping[str, ChannelScore]) -> list[Finding]:
@@ -21,7 +25,7 @@ def quantised(records: Sequence[Record], scores: Mapping[str, ChannelScore]) -> 
     for channel, score in scores.items():
         if not all(channel in record for record in records):
             continue  # made of others, so not a sensor's
-        step = sensor_step(records, channel)
+        step = _sensor_step(records, channel)
         if step is None or step**2 / 12.0 < MINOR * score.mse:
             continue
         unit = records[0].units.get(channel, "1")
@@ -44,7 +48,33 @@ def tells_rounding(cause: Named, trial: Trial, rounded: Sequence[Finding]) -> bo
     channels = {cause.channel, trial.gain.channel}
     steps = [f.parameters["step"].value for f in rounded if f.channel in channels]
     if cause.cause == "quantization":
-        return any(same_step(cause.parameters["step"].value, step) for step in steps)
+        return any(_same_step(cause.parameters["step"].value, step) for step in steps)
     if cause.cause in ("offset", "sensor_bias"):
         return any(abs(cause.parameters["bias"].value) < 0.5 * step for step in steps)
     return False
+
+
+def of_the_sensor(found: Search, records: Sequence[Record], channel: str) -> set[int]:
+    """Numbers of the causes of a plant that are a rounding which the sensor of its response, the
+    channel, makes as well."""
+    step = _sensor_step(records, channel)
+    theta, slots = found.final.hypothesis.theta, found.stage.slots
+    return {
+        f.number
+        for f in found.findings
+        if step is not None and slots[f.number].cause == "quantization"
+        if _same_step(float(theta[slots[f.number].index[0]]), step)
+    }
+
+
+def _sensor_step(records: Sequence[Record], channel: str) -> float | None:
+    """Size of the steps in which a channel was measured, where more than half of the records were;
+    else None."""
+    measured = [record for record in records if channel in record]
+    steps = [step for record in measured if (step := record.step(channel)) is not None]
+    return float(np.median(steps)) if 2 * len(steps) > len(records) else None
+
+
+def _same_step(plant: float, sensor: float) -> bool:
+    """Whether a rounding that a plant seems to have is that of the sensor of its response."""
+    return sensor / _SAME_STEP < plant < _SAME_STEP * sensor

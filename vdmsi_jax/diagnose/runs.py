@@ -16,7 +16,6 @@ _SHORTEST = 40  # samples of a run that is looked at
 _MOST = 15_000  # samples that are looked at; of more, stretches spread over all of them are
 _STRETCH = 2000  # samples of such a stretch
 _MOST_RUNS = 24  # that are looked at
-_SAME_STEP = 2.0  # times the step of a sensor, up to which that of its plant's rounding is the same
 _ROW = 0.02  # s, between rows of a vehicle's record
 
 
@@ -102,19 +101,6 @@ class Runs:
         own = values[self.starts[i] : self.stops[i]]
         more = ((0, self.length - len(own)), *((0, 0),) * (own.ndim - 1))
         return np.pad(own, more, mode="edge")
-
-
-def sensor_step(records: Sequence[Record], channel: str) -> float | None:
-    """Size of the steps in which a channel was measured, where more than half of the records were;
-    else None."""
-    measured = [record for record in records if channel in record]
-    steps = [step for record in measured if (step := record.step(channel)) is not None]
-    return float(np.median(steps)) if 2 * len(steps) > len(records) else None
-
-
-def same_step(plant: float, sensor: float) -> bool:
-    """Whether a rounding that a plant seems to have is that of the sensor of its response."""
-    return sensor / _SAME_STEP < plant < _SAME_STEP * sensor
 
 
 def slower(record: Record) -> Record:
