@@ -11,7 +11,7 @@ from vdmsi_jax.diagnose.hypothesis import Hypothesis, Refit
 from vdmsi_jax.diagnose.prepare import stage_of
 from vdmsi_jax.diagnose.refit import refit
 from vdmsi_jax.diagnose.runs import lay_out
-from vdmsi_jax.diagnose.selection import _is_late, eliminate
+from vdmsi_jax.diagnose.selection import _is_late, _swings, eliminate
 from vdmsi_jax.diagnose.starts import delayed
 
 PLANT, DT, LAG = vj.PlantSpec("servo", "u", "y"), 0.02, 0.3
@@ -50,6 +50,23 @@ def test_a_smaller_plant_with_a_delay_that_is_likelier_is_told(of_a_late_command
     assert _is_late(stage, delay, poles, {})
     seen = {f.hypothesis.kind: f for f in (delay, poles)}
     assert eliminate(stage, delay, seen).hypothesis.kind == delay.hypothesis.kind
+
+
+def test_only_lightly_damped_poles_about_a_mode_are_told_by_its_name(of_a_late_command):
+    """Lags that a cause replaces, and a mode elsewhere, are none."""
+    stage, _, lags = of_a_late_command
+
+    def swings(frequency: float, damping: float) -> bool:
+        size = frequency / stage.pace
+        theta = lags.hypothesis.theta.copy()
+        theta[:4] = np.poly([-1.0, *np.roots([1.0, 2.0 * damping * size, size**2])])[
+            1:
+        ].tolist() + [0.0]
+        return _swings(stage, Hypothesis(3, 0, (), theta), 9.0)
+
+    assert not _swings(stage, lags.hypothesis, 9.0)
+    assert swings(9.0, 0.05) and swings(12.0, 0.2)
+    assert not swings(9.0, 0.6) and not swings(30.0, 0.05)
 
 
 def test_what_is_no_likelier_is_not(of_a_late_command):

@@ -34,6 +34,9 @@ PACE = "a time constant that changes with the state"
 BY_DIRECTION = "a time constant that differs up and down"
 """The same of what heats faster than it cools."""
 
+OF_STATES = "a function of inputs and states"
+"""The kind of what depends on these by no rule that has a name."""
+
 _WORTH = 0.05  # share of the squared error, fitted and held out, below which it is not told
 _START = 2.0  # s at the start of what is held out, where the states at the start are guessed
 _WIDTHS = (0.02, 0.05, 0.1, 0.2, 0.35)  # of plays, of the range
@@ -158,7 +161,7 @@ def of_plant(
     remembered = [*past, *efforts, *loops]
     lagged = [history(x, s, dt) for s in _LAGS for x in (u, y)]
     linear = np.stack([np.ones_like(u), u, y, rate, *lagged, *past])
-    found += _any("a function of inputs and states", states, remembered, mask, len(linear))
+    found += _any(OF_STATES, states, remembered, mask, len(linear))
     return linear, found
 
 

@@ -7,6 +7,7 @@ from functools import cached_property
 
 from ..config import PlantSpec
 from .body_search import BodySearch
+from .families import OF_STATES
 from .found import Search
 from .leftover import leftover, stand_ins
 from .result import Unexplained
@@ -23,6 +24,8 @@ _WIND_ELSEWHERE = 0.12  # and one that goes with nothing commanded
 _NO_WIND, _NO_EVEN_WIND = 0.08, 0.16  # the same, beyond which an error is no disturbance, and one
 # that nothing hints at being another thing: of clean exams up to 0.06 and, even ones, 0.14; of what
 # the library lacks 0.09 to 0.33
+_BY_STATES = 0.15  # share of a channel's error, that some function of states takes beside a cause
+# that stands in for it: beside right names up to 0.12, beside wrong ones 0.06 to 0.27
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +68,12 @@ class Remains:
         """By channel, the largest share that casts doubt on causes beside it."""
         puzzling = [u for u in self.found if u.puzzling and not u.steady]
         return _largest([*puzzling, *self._beyond])
+
+    def outdoes(self, channel: str, share: float) -> bool:
+        """Whether some function of inputs and states takes so much more of a channel's error beside
+        a cause that this, which takes a `share`, is but a part of what the library lacks."""
+        by_states = _largest(u for u in self.found if u.test == f"{OF_STATES} would explain it")
+        return by_states.get(channel, 0.0) * (1.0 - share) > _BY_STATES
 
     @cached_property
     def disturbed(self) -> dict[str, float]:

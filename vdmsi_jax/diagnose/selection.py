@@ -42,6 +42,7 @@ _MOST_CAUSES = 4
 _PROGRESS = 0.5  # of the score by a model beside a cause, below which nothing has got better
 _STEADY = 1.5  # standard errors over blocks that a second cause must be likelier by
 _LIGHT, _NAME = 0.15, 20.0  # damping of a mode, and what its name may cost
+_LIGHTISH, _ABOUT = 0.3, 2.0  # damping of the poles that tell it, and how far they may lie off it
 _BESIDE = 0.1  # of what these are worth, that another cause may gain, or it comes first
 _LITTLE = 0.02  # of what the poles are worth that tell a mode, which its name may cost
 _TOLD = 10.0  # what a pole for a delay may cost
@@ -297,7 +298,11 @@ def _rings(
     if [slot.cause for slot in named] != ["resonance"] or not others < set(h.active):
         return False
     (slot,) = named
-    damping = h.theta[slot.index[slot.names.index("damping")]]
+    frequency, damping = (
+        h.theta[slot.index[slot.names.index(n)]] for n in ("frequency", "damping")
+    )
+    if not _swings(stage, plain.hypothesis, 2.0 * np.pi * frequency):
+        return False
     bare = seen.get((*order_of(h), frozenset(others)))
     if bare is None or score(stage, bare) > score(stage, f):
         return False
@@ -305,6 +310,14 @@ def _rings(
     worth, lacks = (score(stage, plain) - score(stage, other) for other in (bare, f))
     most = min(0.5 * worth, max(_NAME, _LITTLE * worth))
     return bool(smaller and damping < _LIGHT and lacks < most and other < _BESIDE * worth)
+
+
+def _swings(stage: Stage, h: Hypothesis, frequency: float) -> bool:
+    """Whether a plant has lightly damped poles about a frequency, rad/s."""
+    poles = np.roots(h.den) * stage.pace
+    size = np.abs(poles)
+    about = (size > frequency / _ABOUT) & (size < frequency * _ABOUT)
+    return bool(np.any(about & (np.abs(poles.real) < _LIGHTISH * size)))
 
 
 def rings_rather(stage: Stage, f: Refit, other: Refit, seen: Mapping[tuple, Refit]) -> bool:
