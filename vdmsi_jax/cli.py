@@ -45,15 +45,13 @@ def identify(
         report: write report.html.
         cache: keep compiled programs for the next time.
     """
-    from .config import IdentifyOptions, load_config
+    from .config import load_config
     from .data.read import config_of, read_logs
     from .files import output_folder, write_json, write_text
 
     settings = None if config is None else load_config(config)
     records = read_logs(logs, settings)
     options = config_of(logs[0], settings).identify
-    if settings is None and options == IdentifyOptions():
-        options = None  # nothing was said: what is held out goes by the number of runs
     output_folder(out)
     _prepare_jax(cache)
 

@@ -9,7 +9,7 @@ and `[sweep]`.
 
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar, Literal
@@ -130,6 +130,22 @@ DEFAULT_PLANTS = (
     PlantSpec("steering", "delta_cmd", "delta"),
 )
 """The paper's two actuators: what is identified when a configuration names no plants."""
+
+_SINGLE = (
+    PlantSpec("plant", "command", "response"),
+    PlantSpec("plant", "input", "output"),
+    PlantSpec("plant", "u", "y"),
+)
+"""Usual names of a plant that is no vehicle's: of a log without the channels of a vehicle's."""
+
+
+def plants_among(channels: Collection[str]) -> tuple[PlantSpec, ...]:
+    """The plants of logs with these channels that name none: the paper's two, else a single one
+    (`command` and `response`, `input` and `output`, or `u` and `y` where `y` is none of a pose)."""
+    both = [plant for plant in DEFAULT_PLANTS if {*plant.channels} <= {*channels}]
+    if both or "x" in channels:
+        return tuple(both)
+    return tuple(plant for plant in _SINGLE if {*plant.channels} <= {*channels})[:1]
 
 
 @dataclass(frozen=True)
@@ -323,7 +339,7 @@ class Config:
         select: which rows count.
         prepare: sampling, gaps and repairs.
         plants: what to identify; the paper's two actuators if empty.
-        identify: options of the identification.
+        identify: options of the identification; None where the file says nothing of it.
         sweep: logs of a sweep.
         path: the file that this was read from.
     """
@@ -336,12 +352,13 @@ class Config:
     select: Select = field(default_factory=Select)
     prepare: Prepare = field(default_factory=Prepare)
     plants: tuple[PlantSpec, ...] = ()
-    identify: IdentifyOptions = field(default_factory=IdentifyOptions)
+    identify: IdentifyOptions | None = None
     sweep: SweepOptions | None = None
     path: Path | None = field(default=None, metadata={"toml": False})
 
     def __post_init__(self):
-        known = {*CANONICAL, *self.columns, *(c for p in self.plants for c in p.channels)}
+        plants = self.plants or _SINGLE
+        known = {*CANONICAL, *self.columns, *(c for p in plants for c in p.channels)}
         for table in ("units", "sign"):
             for channel in getattr(self, table):
                 place = f"[{table}] {channel}"

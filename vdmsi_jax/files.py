@@ -30,6 +30,11 @@ def output_folder(path: str | Path) -> Path:
     return path
 
 
+def in_a_file_name(name: str) -> str:
+    """A log's name, which may have its folder's before it, as part of the name of a file."""
+    return name.replace("/", ".")
+
+
 def write_text(path: str | Path, text: str) -> Path:
     """Write a text file (UTF-8) as `write_bytes` does."""
     return write_bytes(path, text.encode())

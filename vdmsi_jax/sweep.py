@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from . import __version__
-from .config import DEFAULT_PLANTS, IdentifyOptions, PlantSpec, load_config
+from .config import DEFAULT_PLANTS, Config, IdentifyOptions, PlantSpec, load_config
 from .data.datasets import find_log
-from .data.read import config_of, read_log
+from .data.read import config_of, plants_in, read_log
 from .data.record import Record
 from .errors import InputError, nearest
 from .files import output_folder, read_json, write_json
@@ -109,8 +109,8 @@ def plan(config: str | Path, out: str | Path) -> list[Cell]:
             problem = f"{why.problem} as {run.log}"
             raise InputError(sweep.source, f"{place} log", problem, why.mend) from None
         own = config_of(log, None if run.config is None else beside / run.config)
-        options = own.identify if sweep.identify == IdentifyOptions() else sweep.identify
-        plants = {p.name: p for p in own.plants or DEFAULT_PLANTS}
+        options = sweep.identify or own.identify or IdentifyOptions()
+        plants = {p.name: p for p in _plants_of(log, own)}
         for name in run.plants or plants:
             if name not in plants:
                 problem = f"there is no plant {name!r}"
@@ -150,6 +150,14 @@ def _file_name(name: str, key: str) -> str:
     if len(name.encode()) > _LONGEST_NAME:
         name = f"{name.encode()[:_LONGEST_NAME].decode(errors='ignore')}.{key[:_MARK]}"
     return f"{name}.json"
+
+
+def _plants_of(log: Path, config: Config) -> tuple[PlantSpec, ...]:
+    """The plants that a log has; the usual ones of one that its cells will refuse."""
+    try:
+        return plants_in(log, config)
+    except InputError:
+        return config.plants or DEFAULT_PLANTS
 
 
 def _fingerprint(log: Path, config: Path | None, plant: PlantSpec, options: IdentifyOptions) -> str:

@@ -136,3 +136,8 @@ def bracketed(name: str) -> tuple[str, str] | None:
 def si_symbol(quantity: str) -> str:
     """The SI unit of a quantity, such as `rad/s` for `angular rate`."""
     return SI_SYMBOL[quantity]
+
+
+def superscript(power: int) -> str:
+    """A power of ten's exponent, such as `⁻³`."""
+    return str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))

@@ -64,11 +64,14 @@ def test_without_a_configuration_whole_runs_of_three_are_held_out(tmp_path, monk
     log, other = write_csv(tmp_path / "log.csv", drive()), tmp_path / "other.toml"
     other.write_text("[identify]\nsplit = 'blocks'\n")
     monkeypatch.setattr(cli, "_prepare_jax", lambda cache: None)
-    for config in (None, other):
+    silent = tmp_path / "silent.toml"
+    silent.write_text("[vehicle]\nl_f = 1.0\nl_r = 1.0\n")
+    for config in (None, other, silent):
         with contextlib.suppress(InputError):
             cli.identify((log, log, log), config=config, out=tmp_path / "out", report=False)
     assert asked[0] is None  # which `identify` takes as runs, of three and more
     assert asked[1].split == "blocks"
+    assert asked[2] is None
 
 
 def test_identify_needs_no_matplotlib_and_fits_each_plant_where_it_moves(identified):

@@ -43,6 +43,17 @@ def test_a_sweep_goes_on_where_it_was_stopped(here, tmp_path, settings):
     assert json.loads(cells[0].read_text())["chosen"] == "P1Z0", "a changed cell was kept"
 
 
+def test_a_log_of_one_actuator_is_one_cell(here, tmp_path):
+    some = {name: drive()[name] for name in ("t", "v_cmd", "v")}
+    log = write_csv(tmp_path / "log.csv", some)
+    text = f'[identify]\npoles = [1]\nzeros = [0]\n[sweep]\nruns = [{{ log = "{log}" }}]\n'
+    (tmp_path / "sweep.toml").write_text(text)
+    done = here("sweep", tmp_path / "sweep.toml", "--out", tmp_path / "out", "--no-report")
+    assert done.returncode == 0, done.stderr
+    (cell,) = (tmp_path / "out" / "cells").iterdir()
+    assert json.loads(cell.read_text())["plant"] == "powertrain"
+
+
 def test_cells_of_a_sweep_have_files_of_their_own(here, tmp_path):
     """Whatever plants are called, and where logs of one name lie in folders of one name."""
     logs = []

@@ -199,6 +199,15 @@ def test_bad_arrays(tmp_path, case):
         assert part in told
 
 
+@pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
+def test_a_damaged_archive(tmp_path, save):
+    path = tmp_path / "run.npz"
+    save(path, t=0.01 * np.arange(500), v=np.random.default_rng(0).standard_normal(500))
+    whole = path.read_bytes()
+    path.write_bytes(whole[:3000] + bytes([whole[3000] ^ 255]) + whole[3001:])
+    assert "save it anew" in refusal(path)
+
+
 def test_an_archive_that_is_none(tmp_path):
     (tmp_path / "run.npz").write_text("t,v\n0,1\n")
     assert "is no NPZ file" in refusal(tmp_path / "run.npz")

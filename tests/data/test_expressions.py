@@ -29,6 +29,7 @@ def value(text):
         ('phase == "calib" and v < 0 or w == 0', [False, True, True]),
         ("not (v > 0)", [True, False, True]),
         ("maximum(abs(v), 1)", [1.0, 1.0, 2.0]),
+        ("minimum(v, w, 0.5)", [0.0, 0.0, -2.0]),
         ("`Speed (km/h)` > 3", [True, True, False]),
         ("2 ** -1", 0.5),
     ],
@@ -71,6 +72,12 @@ def test_what_they_cannot_do(text):
         parse(text, source="file", place="key")
 
 
+def test_they_leave_the_columns_alone():
+    kept = {name: values.copy() for name, values in COLUMNS.items()}
+    np.testing.assert_array_equal(value("maximum(v, 0, w)"), [1.0, 1.0, 2.0])
+    assert all(np.array_equal(COLUMNS[name], values) for name, values in kept.items())
+
+
 def test_large_powers_end_at_once():
     assert np.isinf(value("9 ** 9 ** 9 ** 9"))
 
@@ -81,7 +88,10 @@ def test_large_powers_end_at_once():
         ("vv > 0", "did you mean 'v'"),
         ("tann(v)", "did you mean 'tan'"),
         ('v + "a"', "cannot be computed"),
-        ("tan()", "cannot be computed"),
+        ("tan()", "tan with 0 arguments; give it one$"),
+        ("abs(v, w)", "abs with 2 arguments; give it one$"),
+        ("hypot(v, w, v)", "hypot with 3 arguments; give it two$"),
+        ("maximum(v)", "maximum with 1 argument; give it two or more"),
     ],
 )
 def test_mistakes_are_named(text, told):

@@ -81,6 +81,21 @@ def test_what_answers_a_pulse_of_the_command_is_none():
     assert without_outliers(log) == (log, {})
 
 
+@pytest.mark.parametrize("noise", [0.0, 1e-4])
+def test_sharp_turns_of_a_quick_response_are_none(noise):
+    """A lag of some samples behind a ramp that jumps: its apex is off the middle of what is about
+    it, and on the straight way that leads there."""
+    u = 0.25 * np.sin(0.8 * T) + np.where(T % 8.0 < 4.0, 0.1, -0.1)
+    y, now = np.empty(ROWS), u[0]
+    for k, command in enumerate(u):
+        y[k] = now
+        now += (1.0 - np.exp(-DT / 0.15)) * (command - now)
+    y += noise * np.random.default_rng(1).standard_normal(ROWS)
+    log = record(y, u)
+    assert without_outliers(log) == (log, {})
+    assert without_outliers(record(spoilt(y), u))[1] == {"y": len(AT)}
+
+
 def test_a_heading_that_wraps_jumps_nowhere():
     psi = np.angle(np.exp(1j * (1.7 * T + 0.001 * RNG.standard_normal(ROWS))))
     mended, counts = without_outliers(record(MOVING, psi=spoilt(psi)))

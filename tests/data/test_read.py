@@ -239,6 +239,45 @@ def test_runs_are_told_apart_by_their_column(tmp_path):
         np.testing.assert_array_equal(piece, one["v"])
 
 
+@pytest.mark.parametrize(
+    ("header", "text"),
+    [
+        (("command", "response"), ""),
+        (("u", "y"), ""),
+        (("u [deg]", "y [deg]"), '[units]\nu = "deg"\ny = "deg"\n'),
+        (("set", "got"), '[columns]\ncommand = "set"\nresponse = "got"\n'),
+        (("set", "y"), '[columns]\ninput = "set"\noutput = "y"\n'),
+    ],
+)
+def test_a_single_plant_needs_no_table(tmp_path, header, text):
+    columns = dict(zip(("t", *header), [drive()[c] for c in ("t", "v_cmd", "v")], strict=True))
+    log = read_log(write_csv(tmp_path / "run.csv", columns), configured(tmp_path, text))
+    (plant,) = log.plants
+    assert plant.name == plant.role == "plant"
+    np.testing.assert_array_equal(log[plant.input], drive()["v_cmd"])
+    np.testing.assert_array_equal(log[plant.output], drive()["v"])
+
+
+def test_a_vehicle_is_no_single_plant(tmp_path):
+    drive_of_more = drive() | {"u": drive()["v"], "y": drive()["v"]}
+    log = read_log(write_csv(tmp_path / "run.csv", drive_of_more))
+    assert {plant.name for plant in log.plants} == {"powertrain", "steering"}
+    posed = {c: drive()["v"] for c in ("u", "x", "y", "psi")} | {"t": drive()["t"]}
+    assert not read_log(write_csv(tmp_path / "posed.csv", posed)).plants
+
+
+def test_logs_of_one_name_are_told_apart_in_files_too(tmp_path, monkeypatch):
+    paths = [tmp_path / name for name in ("a/r.csv", "b/r.csv", "a.r.csv", "a/b/r.csv", "r.csv")]
+    for path in paths:
+        path.parent.mkdir(exist_ok=True)
+        write_csv(path, drive())
+    monkeypatch.chdir(tmp_path)
+    logs = read_logs([*paths[:4], "r.csv", "a/../r.csv"])
+    own = tmp_path.name
+    names = ["a/r-1", "b/r-1", "a.r-2", "b/r-2", f"{own}/r-1", f"{own}/r-2"]
+    assert [log.name for log in logs] == names
+
+
 def test_the_slow_way_reads_the_same_as_the_fast_one(tmp_path):
     """A column of text makes the reader go cell by cell."""
     fast = read_log(write_csv(tmp_path / "fast.csv", drive()))

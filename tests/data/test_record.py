@@ -175,6 +175,11 @@ def test_the_way_goes_on_through_gaps_and_starts_anew_with_a_run():
     np.testing.assert_allclose(torn.travelled(), [0.0, 0.1, 0.3, 0.9, 1.2])
     twice = Record.concatenate([whole, torn.renamed("again")])
     np.testing.assert_allclose(twice.travelled(), np.r_[whole.travelled(), torn.travelled()])
+    turns = Record.concatenate([whole, torn.renamed("b"), whole.renamed("c")])
+    back = [replace(s, run="a") if s.run != "b" else s for s in turns.segments]
+    rolled = replace(turns, segments=tuple(back)).travelled()  # the run a comes back behind b
+    between = 1.0 * (turns.t[-6] - turns.t[5])  # at the speed before b
+    assert rolled[6] == 0.0 and rolled[-1] == pytest.approx(2.4 + between)
     told = Record.from_arrays(dt=0.1, v_cmd=[2.0, 2.0, 0.0])
     np.testing.assert_allclose(told.travelled(), [0.0, 0.2, 0.4])
     assert not Record.from_arrays(dt=0.1, u=[1.0, 2.0]).travelled().any()

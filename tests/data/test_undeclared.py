@@ -53,6 +53,14 @@ def test_a_wrong_unit_is_refused_unless_it_is_declared(drive, tmp_path, name):
     np.testing.assert_allclose(right[name], read(tmp_path, drive)[name], atol=1e-9)
 
 
+@pytest.mark.parametrize(("factor", "unit"), [(1000.0, "mm"), (100.0, "cm")])
+def test_positions_that_are_no_metres_are_refused_unless_declared(drive, tmp_path, factor, unit):
+    wrong = drive | {name: factor * drive[name] for name in ("x", "y")}
+    assert f'[units] x = "{unit}" and y = "{unit}"' in refusal(tmp_path, wrong)
+    right = read(tmp_path, wrong, units={"x": unit, "y": unit})
+    np.testing.assert_allclose(right["x"], read(tmp_path, drive)["x"], atol=1e-9)
+
+
 def test_a_unit_in_the_name_of_a_mapped_column_is_the_one_in_which_it_is_read(drive, tmp_path):
     def named(name: str) -> Path:
         columns = {(name if k == "v_cmd" else k): x for k, x in drive.items()}

@@ -7,7 +7,9 @@ import pytest
 import vdmsi_jax as vj
 from known_plants import Truth, log, response, white
 from vdmsi_jax.data.derive import differentiate
+from vdmsi_jax.files import write_json
 from vdmsi_jax.identify.acceleration import IMU_POWERTRAIN, speed_response
+from vdmsi_jax.identify.document import identify_document
 from vdmsi_jax.scenarios import random_steps
 
 DT, SEEDS = 0.01, 7
@@ -65,7 +67,7 @@ def test_bias_and_intervals_hold(fits):
     assert np.mean(np.abs(scores) < 1.96) > 0.8  # of 21
 
 
-def test_a_vehicle_is_simulated_by_the_speed(fits):
+def test_a_vehicle_is_simulated_by_the_speed(fits, tmp_path):
     u = steps(3)
     grid = vj.identify(record(u, response(ACCELERATION, u, DT) + BIAS), IMU_POWERTRAIN, **OPTIONS)
     model = vj.identified({"powertrain": grid})
@@ -73,9 +75,17 @@ def test_a_vehicle_is_simulated_by_the_speed(fits):
     assert (plant.spec.input, plant.spec.output) == ("v_cmd", "v")
     np.testing.assert_allclose(plant.linear.num, SPEED.num, rtol=1e-4)
     np.testing.assert_allclose(plant.linear.den, SPEED.den, rtol=1e-4)
+    path = write_json(
+        tmp_path / "identify.json", identify_document({"powertrain": grid}, [record(u, u)])
+    )
+    read = vj.load_model(path).plants["powertrain"]
+    assert read.spec == plant.spec
+    np.testing.assert_allclose(read.linear.num, plant.linear.num)
+    np.testing.assert_allclose(read.linear.den, plant.linear.den)
+    assert read.linear.offset is None or read.linear.offset == 0.0
 
 
-def test_what_it_refuses():
+def test_what_it_refuses(tmp_path):
     u = steps(0)
     a = response(ACCELERATION, u, DT) + white(len(u), IMU_NOISE, 0)
     no_zero = vj.identify(
@@ -83,6 +93,9 @@ def test_what_it_refuses():
     )
     with pytest.raises(vj.InputError, match="has no zero"):
         speed_response(no_zero["P2Z0"])
+    document = identify_document({"powertrain": no_zero}, [record(u, a)])
+    with pytest.raises(vj.InputError, match="has no zero"):
+        vj.load_model(write_json(tmp_path / "identify.json", document))
     other = vj.identify(log(u, a, DT), "plant", **OPTIONS)
     with pytest.raises(vj.InputError, match="is from u_cmd to out"):
         speed_response(other["P2Z1"])

@@ -42,6 +42,15 @@ def test_what_does_not_count_has_no_say(garbage):
     assert kept.delays[0] == DELAY
 
 
+def test_a_constant_response_is_explained_by_nothing():
+    """What its mean leaves is the rounding of numbers, of which a lag had explained 1200 %."""
+    u, _ = lagged()
+    for constant in (0.0, -0.0171476135):
+        y = np.full(N, constant)
+        assert look(u, y, np.ones(N, bool)).explained == 0.0
+        assert look(y, u, np.ones(N, bool)).explained == 0.0
+
+
 def test_scattered_holes_cost_nothing():
     """They had parted a segment, and delays longer than a part were not seen."""
     u, y = lagged()

@@ -148,6 +148,18 @@ def test_nothing_held_out(record):
     assert grid.best.held_out_predicted.shape in ((0,), (N,))
 
 
+def test_a_log_too_short_to_hold_anything_out():
+    """Which is told where nobody asked for it, and refused where somebody did."""
+    u = np.random.default_rng(0).standard_normal(150)
+    short = known.log(u, known.response(known.POWERTRAIN, u, DT), DT)
+    grid = identify(short, known.PLANT)
+    assert not grid.held_out.any() and grid.note.startswith("nothing is held out: ")
+    with pytest.raises(InputError, match=r"set \[identify\] held_out = 0"):
+        small(short, held_out=0.25)
+    with pytest.raises(InputError, match=r"a share of 0\.9999 leaves nothing to fit"):
+        small(powertrain_log(seed=1), held_out=0.9999)
+
+
 def test_a_run_held_out_whole():
     """Its initial state is estimated from itself, its coefficients from the others."""
     runs = known.cut(powertrain_log(seed=1), [1000, 2000], runs=True)

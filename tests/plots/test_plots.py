@@ -1,6 +1,7 @@
 """Every figure on finished results: it draws, labels its axes with units, and leaves no trace."""
 
 import dataclasses
+import re
 
 import matplotlib
 import numpy as np
@@ -96,6 +97,17 @@ def test_an_svg_is_one_element_whose_ids_are_its_own(name, results):
     references = svg.count('href="#') + svg.count("url(#")
     assert references == svg.count('href="#mine-') + svg.count("url(#mine-")
     assert plots.to_svg(FIGURES[name](*results), "mine") == svg, "drawing is not repeatable"
+
+
+def test_a_plant_may_be_called_anything(results):
+    grid, _ = results
+    named = dataclasses.replace(grid, plant=dataclasses.replace(grid.plant, name='a$x^{$ "<b>'))
+    for draw in (plots.order_grid, plots.fitted, plots.residuals):
+        svg = plots.to_svg(draw(named), named.plant.name)
+        ids = set(re.findall(r'\bid="([^"]*)"', svg))
+        assert ids and all(
+            re.fullmatch(r"a\.24x\.5e\.7b\.24\.20\.22\.3cb\.3e-[\w.-]+", i) for i in ids
+        )
 
 
 def test_the_grid_shows_every_order_with_its_number_or_reason(results):

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..files import in_a_file_name
 from ..metrics import write_tum
 from ._nouns import POSE, Comparison, Prediction, has_pose
 
@@ -26,7 +27,7 @@ def write_trajectories(folder: str | Path, comparison: Comparison) -> list[Path]
             paths[KEYS.get(name, name)] = [prediction.channels[c] for c in POSE]
     written = []
     for name, columns in paths.items():
-        stem = record.name.replace("/", ".")
+        stem = in_a_file_name(record.name)
         written.append(Path(folder) / f"{stem}.{name}.tum")
         write_tum(written[-1], record.t, np.stack(columns, axis=1))
     return written

@@ -12,17 +12,20 @@ import operator
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any
 
 import numpy as np
 
 from ..errors import InputError, nearest
 
-FUNCTIONS: dict[str, Callable] = {
+FUNCTIONS: dict[str, np.ufunc] = {
     name: getattr(np, name)
     for name in ("abs", "sin", "cos", "tan", "arctan", "sqrt", "exp", "sign", "hypot")
 } | {"atan": np.arctan, "minimum": np.minimum, "maximum": np.maximum}
-"""What an expression may call."""
+"""What an expression may call; of `minimum` and `maximum`, with two arguments or more."""
+
+_OF_SEVERAL = ("minimum", "maximum")
 
 _BINARY: dict[type, Callable] = {
     ast.Add: operator.add,
@@ -157,6 +160,11 @@ def _check(
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
             if name not in FUNCTIONS:
                 raise refuse(f"unknown function {name!r}", nearest(name, FUNCTIONS))
+            takes = FUNCTIONS[name].nin  # NumPy would write its answer into an argument more
+            if len(arguments) < takes or (len(arguments) > takes and name not in _OF_SEVERAL):
+                given = f"{name} with {len(arguments)} argument{'s' * (len(arguments) != 1)}"
+                more = " or more" * (name in _OF_SEVERAL)
+                raise refuse(given, f"give it {('one', 'two')[takes - 1]}{more}")
             parts = arguments
         case _:
             allowed = (
@@ -189,5 +197,8 @@ def _evaluate(node: ast.expr, columns: Mapping[str, np.ndarray]) -> Any:
             ]
             return np.logical_and.reduce(steps)
         case ast.Call(func=ast.Name(id=name), args=arguments):
-            return FUNCTIONS[name](*(_evaluate(argument, columns) for argument in arguments))
+            first, *others = (_evaluate(argument, columns) for argument in arguments)
+            if name in _OF_SEVERAL:
+                return reduce(FUNCTIONS[name], others, first)
+            return FUNCTIONS[name](first, *others)
     raise AssertionError(ast.dump(node))

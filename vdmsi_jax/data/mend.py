@@ -138,10 +138,12 @@ def period_of(rows: Rows, config: Config) -> float:
     try:
         period = sample_period(rows.t, rows.fresh)
     except ValueError:
-        problem = "no two rows follow each other"
-        raise InputError(
-            raw.source, "", problem, "give a longer log, or loosen [select] where"
-        ) from None
+        problem, mend = "no two rows follow each other", "give a longer log"
+        if raw.keep is not None:
+            mend += ", or loosen [select] where"
+        if raw.run is not None:
+            mend += ", or name another column in [columns] run"
+        raise InputError(raw.source, "", problem, mend) from None
     is_vehicle = any(channel in config.canonical for channel in raw.channels)
     place = f"column {raw.columns['t']!r}"
     if is_vehicle and "t" not in config.units and period >= _SLOWEST:

@@ -1,6 +1,7 @@
 """NPZ files (`numpy.savez`) as tables. Objects in them are never unpickled."""
 
 import zipfile
+import zlib
 from collections.abc import Collection
 from pathlib import Path
 
@@ -8,6 +9,9 @@ import numpy as np
 
 from ..errors import InputError
 from .table import Table
+
+_DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, OSError)
+_ENCRYPTED = (RuntimeError, NotImplementedError)  # by a password, or packed in an unusual way
 
 
 class NpzTable(Table):
@@ -31,7 +35,7 @@ class NpzTable(Table):
                             else np.lib.format.read_array_header_2_0
                         )
                         shapes[entry.removesuffix(".npy")] = read_header(file)[0]
-        except (zipfile.BadZipFile, ValueError) as error:
+        except (*_DAMAGED, *_ENCRYPTED, ValueError) as error:
             mend = "save it with numpy.savez(path, t=..., v=...)"
             raise InputError(str(path), "", f"is no NPZ file ({error})", mend) from None
         self._shapes = shapes
@@ -48,6 +52,10 @@ class NpzTable(Table):
                     if np.iscomplexobj(values):
                         raise TypeError("they are complex")
                     columns[name] = values.astype(np.float64 if name in numbers else str)
+                except (*_DAMAGED, *_ENCRYPTED) as error:
+                    problem = f"is damaged, or was not written by NumPy ({error})"
+                    mend = "save it anew with numpy.savez(path, t=..., v=...)"
+                    raise InputError(str(self.path), f"array {name!r}", problem, mend) from None
                 except (ValueError, TypeError) as error:
                     raise InputError(
                         str(self.path),

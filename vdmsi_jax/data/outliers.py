@@ -10,8 +10,10 @@ from .record import Record
 _ABOUT = 4  # samples before and behind, whose median is what a sample is held against
 _SPREADS = 8.0  # standard deviations of usual samples, from which on one is far,
 _BEYOND = 3.0  # and times what all but the rare ones stay below
+_AMONG = 2.0  # times what those about it are off their own median
 _BESIDE = [0, 2, 6, 8]
 _CUBIC = np.array([-1.0, 4.0, 4.0, -1.0]) / 6.0  # through samples two and four away, at the middle
+_CORNER = 0.3  # of how far a sample is off its way, within which it goes on from one side of it
 _FOREMOST = 0.3  # of the largest nearby, below which a sample is off since that one is
 _LONGEST = 3  # samples in a row that are still alone: one that was resampled is two or three
 _RARE = 0.02  # of the samples; what is more frequent is no accident
@@ -38,7 +40,7 @@ def without_outliers(record: Record) -> tuple[Record, dict[str, int]]:
         alone = np.zeros(record.n, bool)
         for segment in record.segments:
             own = values[segment.samples]
-            alone[segment.samples] = _short(_far(own, _step(own)))
+            alone[segment.samples] = _short(_far(own, _step(own)) & ~_turning(own))
         alone &= record.measured(name) & ~pulses
         if not 0 < alone.sum() <= _RARE * record.n:
             continue
@@ -66,6 +68,26 @@ def _far(x: Float[np.ndarray, " n"], usual: float = 0.0) -> Bool[np.ndarray, " n
     far = _stands_out(off_middle, rare, usual) & _stands_out(off_way, 5.0 * rare, usual)
     far[:_ABOUT] = far[-_ABOUT:] = False  # a run may begin in the middle of anything
     return far & foremost
+
+
+def _turning(x: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Samples of a response that turns sharply: a straight way leads to them or goes on from them,
+    or they are off by no more than those about them move."""
+    if x.size <= 2 * _ABOUT:
+        return np.zeros(x.size, bool)
+    about = _about(x)
+    middle = np.median(about, axis=1)
+    moves = np.median(np.abs(about - middle[:, None]), axis=1)
+    found = np.abs(x - middle) < _AMONG * moves
+    near = _CORNER * np.abs(x - about[:, _BESIDE] @ _CUBIC)
+    steps = np.arange(1.0, _ABOUT + 1.0)
+    ways = np.stack([np.ones(_ABOUT), steps], axis=1)
+    fit = np.linalg.pinv(ways)
+    for side in (about[:, _ABOUT - 1 :: -1], about[:, _ABOUT + 1 :]):
+        way = side @ fit.T  # where it leads, and its slope
+        off_side = np.abs(side - way @ ways.T).max(axis=1)
+        found |= (np.abs(x - way[:, 0]) < near) & (off_side < near)
+    return found
 
 
 def _about(x: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 9"]:

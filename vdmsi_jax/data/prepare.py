@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from ..config import CANONICAL, DEFAULT_PLANTS, STEERING_CHANNELS, Config, PlantSpec
+from ..config import CANONICAL, STEERING_CHANNELS, Config, PlantSpec, plants_among
 from ..errors import InputError, nearest
 from ..units import si_symbol
 from .derive import Channels, derive
@@ -93,7 +93,7 @@ def prepare(raw: Raw, config: Config, windows: Mapping[str, float] | None = None
 
 def _refuse_degrees(source: str, place: str, name: str, angles: np.ndarray) -> None:
     """Refuse angles that no road wheel has."""
-    usual = float(np.nanquantile(np.abs(angles), 0.99))
+    usual = float(np.nanquantile(np.abs(angles), 0.99)) if np.isfinite(angles).any() else 0.0
     if usual > _WIDEST:
         problem = f"a steering angle of {usual:.3g} rad turns wheels beyond across"
         mend = f'say so if it is in degrees, [units] {name} = "deg", or name a road-wheel angle'
@@ -228,7 +228,7 @@ def _lay_out(grids: list[Grid], runs: list[str], dt: float, told: list[str]) -> 
 
 
 def _plants(config: Config, channels: Mapping[str, np.ndarray]) -> tuple[PlantSpec, ...]:
-    """The plants that the configuration names, or those of the paper whose channels are there."""
+    """The plants that the configuration names, or those whose channels are there."""
     for plant in config.plants:
         for role in ("input", "output"):
             channel = getattr(plant, role)
@@ -236,9 +236,7 @@ def _plants(config: Config, channels: Mapping[str, np.ndarray]) -> tuple[PlantSp
                 place, problem = f"[[plants]] {plant.name} {role}", f"no channel {channel!r}"
                 mend = f"{nearest(channel, channels)}, or name its column: [columns] {channel}"
                 raise InputError(config.source, place, problem, mend)
-    return config.plants or tuple(
-        p for p in DEFAULT_PLANTS if p.input in channels and p.output in channels
-    )
+    return config.plants or plants_among(channels)
 
 
 def check_excitation(record: Record, plant: PlantSpec) -> None:

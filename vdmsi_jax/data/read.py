@@ -7,12 +7,23 @@ evenly sampled segments of it.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 
 import numpy as np
 
-from ..config import CANONICAL, STEERING_CHANNELS, Config, allowed_quantities, load_config
+from ..config import (
+    CANONICAL,
+    DEFAULT_PLANTS,
+    STEERING_CHANNELS,
+    Config,
+    PlantSpec,
+    allowed_quantities,
+    load_config,
+    plants_among,
+)
 from ..errors import InputError, nearest
+from ..files import in_a_file_name
 from ..units import UNITS, Unit, bracketed, si_symbol, unit
 from .csv_table import CsvTable
 from .derive import sharpest_curvature, steering_from_curvature
@@ -51,6 +62,7 @@ def _read(path: Path, config: Config, windows: Mapping[str, float]) -> Record:
     """`read_log`, with the least lengths of parabolas that make channels of the pose."""
     where = _where(config)
     table = _open_table(path)
+    config = _with_its_plant(config, table.names)
     columns = _columns(config, table.names, path)
     run = columns.pop("run", None)
     numbers, texts = set(columns.values()), set[str]()
@@ -103,20 +115,27 @@ def read_logs(
         raise InputError("logs", "", "no log is given", "give at least one file")
     files = [Path(path) for path in paths]
     records = _in_step([read_log(file, config) for file in files], files, config)
-    names = _told_apart([record.name for record in records], [f.parent.name for f in files])
+    folders = [file.resolve().parent.name for file in files]
+    names = _told_apart([record.name for record in records], folders)
     return in_session([r.renamed(name) for r, name in zip(records, names, strict=True)])
 
 
 def _told_apart(names: Sequence[str], folders: Sequence[str]) -> list[str]:
-    """Different names: with the folder where two are alike, and a number where those are, too."""
+    """Different names, as parts of file names, too: with the folder where two are alike, and a
+    number where those are, too."""
     longer = [
         f"{folder}/{name}" if names.count(name) > 1 else name
         for name, folder in zip(names, folders, strict=True)
     ]
-    return [
-        f"{name}-{longer[: k + 1].count(name)}" if longer.count(name) > 1 else name
-        for k, name in enumerate(longer)
-    ]
+    plain = [in_a_file_name(name) for name in longer]
+    taken, made = set(plain), list[str]()
+    for name, own in zip(longer, plain, strict=True):
+        if plain.count(own) > 1:
+            numbered = (f"{name}-{k}" for k in count(1))
+            name = next(other for other in numbered if in_a_file_name(other) not in taken)
+            taken.add(in_a_file_name(name))
+        made.append(name)
+    return made
 
 
 def _in_step(
@@ -185,6 +204,30 @@ def config_of(path: str | Path, config: str | Path | Config | None = None) -> Co
     return load_config(config)
 
 
+def plants_in(path: Path, config: Config) -> tuple[PlantSpec, ...]:
+    """The plants that a log has by its header: those of its configuration, else those whose
+    channels are there or may be made of a pose.
+
+    Raises:
+        InputError: the log cannot be opened, or is no table.
+    """
+    there = _said(config, _open_table(path).names)
+    by_pose = {"x", "y", "psi"} <= there
+    return config.plants or (() if by_pose else plants_among(there)) or DEFAULT_PLANTS
+
+
+def _said(config: Config, names: Sequence[str]) -> set[str]:
+    """The channels that a header and a configuration name."""
+    plain = {(bracketed(name) or (name,))[0] for name in names}
+    return plain | {*names, *config.columns, *config.derive}
+
+
+def _with_its_plant(config: Config, names: Sequence[str]) -> Config:
+    """The configuration with the plant of a log that is no vehicle's, where it names none."""
+    single = tuple(p for p in plants_among(_said(config, names)) if p not in DEFAULT_PLANTS)
+    return config if config.plants or not single else replace(config, plants=single)
+
+
 def _columns(config: Config, names: Sequence[str], path: Path) -> dict[str, str]:
     """Which column of the file each channel is: those that the configuration names, and canonical
     ones by their name, behind which their unit may stand in brackets."""
@@ -200,6 +243,11 @@ def _columns(config: Config, names: Sequence[str], path: Path) -> dict[str, str]
         if channel not in config.units and _speaks_of(written, _unit(channel, config)):
             _check_written(channel, written, name, config, path)
     taken = list(config.columns.values())
+    run = config.columns.get("run")
+    if run is not None and (taken.count(run) > 1 or run == config.columns.get("t", "t")):
+        problem = f"{run!r} is the column of another channel, too"
+        mend = "name the column that tells the runs apart"
+        raise InputError(config.source, "[columns] run", problem, mend)
     columns = {c: n for c, n in columns.items() if c in config.columns or n not in taken}
     for name in names:
         channel, written = bracketed(name) or ("", "")

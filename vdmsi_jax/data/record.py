@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ..config import DEFAULT_PLANTS, PlantSpec, VehicleGeometry, canonical_of
+from ..config import PlantSpec, VehicleGeometry, canonical_of, plants_among
 from ..errors import InputError, nearest
 from ..units import si_symbol
 from .lattice import lattice_step
@@ -170,14 +170,12 @@ class Record:
             refuse_absurd(name, key, values)
         if n < 2:
             raise InputError(name, "channels", f"there are {n} samples", "give at least two")
-        canonical = canonical_of(plants, vehicle)
+        fitting = tuple(plants) or plants_among(arrays)
+        canonical = canonical_of(fitting, vehicle)
         si = {
             key: si_symbol(canonical[key]) if key in canonical else (units or {}).get(key, "1")
             for key in arrays
         }
-        fitting = tuple(plants) or tuple(
-            p for p in DEFAULT_PLANTS if p.input in arrays and p.output in arrays
-        )
         time = t0 + dt * np.arange(n)
         return cls(name, float(dt), time, arrays, si, (Segment(0, n, name),), (), vehicle, fitting)
 
@@ -255,8 +253,8 @@ class Record:
         v = next((np.abs(self[name]) for name in ("v", "v_cmd") if name in self), way)
         for run in self.runs:
             own = [segment for segment in self.segments if segment.run == run]
-            rows = slice(own[0].start, own[-1].stop)
-            way[rows][1:] = np.cumsum(v[rows][:-1] * np.diff(self.t[rows]))
+            rows = np.concatenate([np.arange(part.start, part.stop) for part in own])
+            way[rows[1:]] = np.cumsum(v[rows[:-1]] * np.diff(self.t[rows]))
         return way
 
     def pieces(self, channel: str) -> list[Float[np.ndarray, " _"]]:

@@ -66,7 +66,11 @@ def split_blocks(
     if not hidden:
         need = math.ceil(_SHORTEST_BLOCK / held_out)
         problem = f"no segment has the {need} samples to hold out a block of {held_out:g}"
-        raise InputError(name, "held_out", problem, 'split by "run", or set held_out = 0')
+        mend = "give a longer log, or set [identify] held_out = 0"
+        raise InputError(name, "held_out", problem, mend)
+    if not any(map(len, seen)):
+        problem = f"a share of {held_out:g} leaves nothing to fit"
+        raise InputError(name, "held_out", problem, "set a smaller [identify] held_out")
     return seen, hidden
 
 

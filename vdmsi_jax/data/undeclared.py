@@ -1,5 +1,5 @@
 """Units that a log does not declare, told by how the vehicle moves: speeds in km/h, angles in
-degrees.
+degrees, positions in mm or cm.
 
 A speed is compared with the way of the pose, heading and yaw rate with each other or with the
 course of the pose, a steering angle with the one that would turn the vehicle so. What a
@@ -21,7 +21,7 @@ _TURN = 4  # chords, over which turns are compared
 _FEWEST = 10  # comparisons
 _MOVING = 0.25  # of a high speed, below which noise drowns course and steering angle
 _ALIKE = 0.85  # correlation of two channels that tell of one motion
-_NEAR = {"km/h": 0.08, "deg": 0.2, "deg/s": 0.2}
+_NEAR = {"km/h": 0.08, "mm": 0.2, "cm": 0.2, "deg": 0.2, "deg/s": 0.2}
 """How far from a unit's a ratio may be. Speeds of measured logs are off their poses by up to 7.5 %;
 angles may be further off, as tyres slip and chords cut bends, and no gain is near 57.3."""
 
@@ -31,7 +31,8 @@ _Chords = Float[np.ndarray, " _"]
 def refuse_undeclared(
     channels: Channels, config: Config, columns: Mapping[str, str], source: str
 ) -> None:
-    """Refuse a vehicle's log with a speed in km/h or an angle in degrees that is not declared.
+    """Refuse a vehicle's log with a speed in km/h, an angle in degrees, or a position in mm or cm
+    that is not declared.
 
     Args:
         channels: of the log.
@@ -51,7 +52,9 @@ def refuse_undeclared(
         own = UNITS[unit]
         if name not in config.units and abs(ratio * own.to_si - 1.0) < _NEAR[unit]:
             problem = f"{name} is {ratio:.3g} times {what}, as if it were in {unit}"
-            mend = f'declare its unit, [units] {name} = "{unit}" or "{si_symbol(own.quantity)}"'
+            both = f' and y = "{unit}"' if name == "x" else ""
+            si = si_symbol(own.quantity)
+            mend = f'declare its unit, [units] {name} = "{unit}"{both} or "{si}"'
             raise InputError(source, f"column {columns[name]!r}", problem, mend)
 
 
@@ -113,7 +116,10 @@ def _comparisons(
     if ways is not None:
         for name in ("v", "v_cmd"):
             if name in logged and (name == "v" or _follows(motion.mean(name), ways[0])):
-                yield name, "km/h", "the speed of x and y", np.abs(motion.mean(name)), ways[0]
+                speed = np.abs(motion.mean(name))
+                yield name, "km/h", "the speed of x and y", speed, ways[0]
+                for unit in ("mm", "cm"):
+                    yield "x", unit, f"what {name} tells", ways[0], speed
     turns = {}
     if "psi" in logged:
         turns["psi"] = motion.turned(motion.values["psi"])

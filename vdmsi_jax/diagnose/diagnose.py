@@ -151,7 +151,7 @@ def _evidence(
     """What the searches find where these parts of the logs are held out."""
     say(f"looking into the {' and the '.join(spec.name for spec in plants)}")
 
-    def look(spec: PlantSpec) -> Search | str:
+    def look(spec: PlantSpec) -> Search | InputError:
         try:
             with jax.enable_x64(True), np.errstate(all="ignore"):  # both are a thread's own
                 stage = _stage(runs, several, spec, noise.get(spec.output))
@@ -159,12 +159,13 @@ def _evidence(
                 rounds = of_the_sensor(found, runs.records, spec.output)
                 return search(stage.but(rounds)) if rounds else found
         except InputError as why:
-            return f"The {spec.name} was not looked at: {why}"
+            return why
 
     with ThreadPoolExecutor(AT_ONCE) as pool:  # one whitens while the other simulates
         looked = dict(zip(plants, pool.map(look, plants), strict=True))
     searches = {spec: found for spec, found in looked.items() if isinstance(found, Search)}
-    unseen = [why for why in looked.values() if isinstance(why, str)]
+    refused = {spec: why for spec, why in looked.items() if isinstance(why, InputError)}
+    unseen = [f"The {spec.name} was not looked at: {why}" for spec, why in refused.items()]
     by_channel = {spec.output: found for spec, found in searches.items()}
     say("looking into the body, the road and the sensors")
     body = body_of(runs, by_channel)
@@ -172,9 +173,12 @@ def _evidence(
     if bodily is None:
         unseen.append(_why_no_body(several))
     if not searches and bodily is None:
+        if refused:
+            raise next(iter(refused.values()))
         names = ", ".join(record.source for record in several)
         mend = "name commands and responses in [columns], and pair them in [[plants]]"
-        why = [*_unshared(several), *unseen, "nothing to diagnose"][0].rstrip(".")
+        none = [] if plants else ["no command with its response was logged"]
+        why = [*_unshared(several), *none, *unseen][0].rstrip(".")
         raise InputError(names, "plants", why, mend)
     say("judging on the data held out")
     return Evidence(several, runs, searches, bodily, tuple(unseen))

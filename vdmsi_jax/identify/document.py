@@ -6,6 +6,7 @@ from typing import Any
 from ..data.record import Record
 from ..errors import InputError
 from ..model_file import IDENTIFY, geometry
+from .acceleration import measures_acceleration, speed_response
 from .result import Fit, OrderGrid
 
 
@@ -49,6 +50,21 @@ def plant_document(grid: OrderGrid) -> dict[str, Any]:
 def _order(fit: Fit) -> dict[str, Any]:
     if fit.model is None:
         return {"status": fit.status}
+    return _model(fit) | _speed(fit)
+
+
+def _speed(fit: Fit) -> dict[str, Any]:
+    """Of an identified acceleration, the response of the speed that makes it: what is simulated."""
+    assert fit.model is not None
+    if not measures_acceleration(fit.plant) or len(fit.model.num) < 2:
+        return {}
+    speed = speed_response(fit).model
+    delay = 0.0 if speed.delay is None else float(speed.delay)
+    return {"speed": {"num": speed.num, "den": speed.den, "delay": delay}}
+
+
+def _model(fit: Fit) -> dict[str, Any]:
+    assert fit.model is not None
     return {
         "fit": fit.fit,
         "mse": fit.mse,

@@ -15,6 +15,7 @@ from vdmsi_jax.identify.result import Floats
 _LAGS = 24  # time constants tried, from half a sample to a quarter of the record
 _LONGEST = 1 << 15  # samples of a segment that are looked at in one
 _NOTHING = 1e-12  # of the largest energy, what a response has that is none
+_ROUNDED = 1e-24  # of an output's square, what is left of a constant one
 _WORSE = 0.5  # a second delay is tried if it leaves at most this much more unexplained
 
 
@@ -49,7 +50,7 @@ def first_look(
     count; `longest_delay` in samples.
     """
     lags = np.geomspace(0.5, max(len(s) for s in u) / 4, _LAGS)
-    energy_y = 0.0
+    energy_y = size_y = 0.0
     cross = np.zeros((_LAGS, longest_delay + 1))
     energy_x = np.zeros((_LAGS, longest_delay + 1))
     for us, ys, use in _pieces(u, y, counts):
@@ -58,6 +59,7 @@ def first_look(
         size = 1 << int(np.ceil(np.log2(len(padded) + n)))
         target = np.where(use, ys - ys[use].mean(), 0.0)
         energy_y += float(target @ target)
+        size_y += float(ys[use] @ ys[use])
         spectrum_y, spectrum_use = np.fft.rfft(target, size), np.fft.rfft(use, size)
         spectrum_u = np.fft.rfft(padded, size)
         shifts = longest_delay - np.arange(longest_delay + 1)
@@ -71,6 +73,8 @@ def first_look(
             square = np.fft.irfft(np.conj(spectrum_use) * squares, size)[shifts]
             energy_x[i] += square - total**2 / known
     energy_x = np.where(energy_x > _NOTHING * energy_x.max(), energy_x, 0.0)
+    if energy_y <= _ROUNDED * size_y:
+        return FirstLook(float(lags[0]), (0,), 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         explained = np.where(energy_x > 0, cross**2 / (energy_x * energy_y), 0.0)
     best = np.nan_to_num(explained.max(0))

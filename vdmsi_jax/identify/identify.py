@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from vdmsi_jax.config import IdentifyOptions, PlantSpec
 from vdmsi_jax.data import check_excitation
 from vdmsi_jax.data.record import Record
+from vdmsi_jax.errors import InputError
 from vdmsi_jax.identify.most_moved import most_moved
 from vdmsi_jax.identify.orders import order_grid
 from vdmsi_jax.identify.result import OrderGrid
@@ -48,10 +49,12 @@ def identify(
     the result holds these, and its `note` tells so.
 
     Works in the precision of JAX: in float32 (the default of JAX) a warning tells what it costs.
-    Nothing is held out, with a warning, where the rest would show no change of the command.
+    Nothing is held out, with a warning, where the rest would show no change of the command, and
+    with a `note` where nobody asked for it and the log is too short.
     """
     several = [records] if isinstance(records, Record) else list(records)
     record = several[0] if len(several) == 1 else Record.concatenate(several)
+    asked = options is not None or "held_out" in overrides
     if options is None:
         options = IdentifyOptions(split="run" if len(record.runs) >= 3 else "blocks")
     for name in overrides.keys() & {"poles", "zeros"}:
@@ -68,7 +71,7 @@ def identify(
             stacklevel=2,
         )
     make_room()
-    held_out = _held_out(record, options)
+    held_out, short = _held_out(record, options, asked)
     if held_out.any() and np.ptp(record[spec.input][~held_out]) == 0.0:
         warnings.warn(
             f"the command of {spec.name} changes only in what would be held out of {record.log}: "
@@ -77,7 +80,7 @@ def identify(
         )
         held_out = np.zeros(record.n, bool)
     with one_for_blas():
-        return replace(order_grid(record, held_out, spec, options), note=note)
+        return replace(order_grid(record, held_out, spec, options), note=note or short)
 
 
 def _within_reach(record: Record, plant: PlantSpec) -> tuple[Record, str]:
@@ -91,10 +94,18 @@ def _within_reach(record: Record, plant: PlantSpec) -> tuple[Record, str]:
     )
 
 
-def _held_out(record: Record, options: IdentifyOptions) -> NDArray[np.bool_]:
-    """Which samples (n,) the held-out scores are for."""
+def _held_out(
+    record: Record, options: IdentifyOptions, asked: bool
+) -> tuple[NDArray[np.bool_], str]:
+    """Which samples (n,) the held-out scores are for, and what to say where there are none."""
     mask = np.zeros(record.n, bool)
     if options.held_out > 0:
         rows = replace(record, channels={"row": np.arange(record.n, dtype=float)}, filled={})
-        mask[rows.split(options.held_out, by=options.split)[1]["row"].astype(int)] = True
-    return mask
+        try:
+            hidden = rows.split(options.held_out, by=options.split)[1]
+        except InputError as short:
+            if asked:
+                raise
+            return mask, f"nothing is held out: {short.problem}"
+        mask[hidden["row"].astype(int)] = True
+    return mask, ""

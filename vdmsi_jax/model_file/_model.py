@@ -296,4 +296,12 @@ def _chosen(plant: Any, source: str, place: str) -> dict[str, Any]:
         problem = f"the chosen order {order} has no model ({fit.get('status')})"
         raise InputError(source, place, problem, "identify the plant anew")
     kept = {key: plant[key] for key in ("input", "output") if key in plant}
+    if (kept.get("input"), kept.get("output")) == ("v_cmd", "a"):
+        if "speed" not in fit:
+            problem = (
+                f"of the acceleration, the chosen order {order} has no zero, or is of an older file"
+            )
+            mend = "identify it anew, with [identify] zeros = [1, 2, 3]"
+            raise InputError(source, place, problem, mend)
+        kept, fit = kept | {"output": "v"}, _table(fit, "speed", source, f"{place} speed")
     return kept | {key: fit[key] for key in ("num", "den", "delay", "offset") if key in fit}

@@ -9,6 +9,7 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.patheffects import withStroke
 
 from ..identify.result import LOW_FIT, Fit, OrderGrid
+from ..units import superscript
 from .style import INK, MUTED, WIDTH, legible, squared_unit, styled, unit_label
 
 
@@ -32,7 +33,7 @@ def order_grid(grid: OrderGrid) -> Figure:
     scale, power = LogNorm(least, max([*errors, 1.05 * least])), int(np.floor(np.log10(least)))
     _heat_map(right, grid, "mse", scale, "cividis_r", lambda mse: _short_number(mse / 10.0**power))
     left.set_title(f"{grid.plant.name}: FIT (%)")
-    scaled = (rf"$10^{{{power}}}$ " if power else "") + squared_unit(unit).replace("1", "")
+    scaled = (f"10{superscript(power)} " if power else "") + squared_unit(unit).replace("1", "")
     right.set_title(f"{grid.plant.name}: " + unit_label("MSE", scaled.strip()))
     for axes in (left, right):
         axes.set_xticks(range(len(zeros)), [f"Z{m}" for m in zeros])

@@ -14,6 +14,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from matplotlib.ticker import AutoLocator
 
 P = ParamSpec("P")
@@ -89,6 +90,9 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
                 locator = axis.get_major_locator()
                 if isinstance(locator, AutoLocator):
                     locator.set_params(nbins=_TICKS)
+        for text in figure.findobj(Text):
+            if "$" in text.get_text() and not text.get_text().startswith("$\\math"):
+                text.set_parse_math(False)  # a name, which may be anything
         return figure
 
     return drawn
@@ -140,7 +144,9 @@ def to_svg(figure: Figure, name: str) -> str:
     Args:
         figure: what to draw.
         name: unique on the page; it keeps the figure's internal ids apart from those of others.
+            What may not stand in an id becomes its code point.
     """
+    name = re.sub(r"[^A-Za-z0-9_-]", lambda found: f".{ord(found[0]):x}", name)
     buffer = io.StringIO()
     with rc_context({**_STYLE, "svg.hashsalt": name}):
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})

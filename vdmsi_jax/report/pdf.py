@@ -5,6 +5,7 @@ import os
 from pathlib import Path
 
 from ..errors import InputError
+from ..files import write_bytes
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 
@@ -52,9 +53,8 @@ def build_pdf(folder: Path) -> Path:
     root = Path(os.path.commonpath([folder, main.parent]))
     data = "/" + folder.relative_to(root).as_posix().removeprefix(".")
     try:
-        typst.compile(
+        content = typst.compile(
             str(main),
-            output=str(folder / "report.pdf"),
             root=str(root),
             sys_inputs={"data": data.rstrip("/")},
             ignore_system_fonts=True,  # the same type everywhere
@@ -62,4 +62,4 @@ def build_pdf(folder: Path) -> Path:
     except typst.TypstError as error:
         mend = "make the results anew with `vdmsi reproduce`"
         raise InputError(str(folder), "report.pdf", str(error), mend) from None
-    return folder / "report.pdf"
+    return write_bytes(folder / "report.pdf", content)

@@ -5,6 +5,8 @@ from html import escape
 
 import numpy as np
 
+from ..units import superscript
+
 
 def number(value: float, digits: int = 4) -> str:
     """`digits` significant ones, without trailing noise; a dash for what is not there."""
@@ -20,10 +22,6 @@ def number(value: float, digits: int = 4) -> str:
 def percent(value: float) -> str:
     """A FIT with two decimals."""
     return f"{value:.2f} %".replace("-", "−") if math.isfinite(value) else "–"
-
-
-def superscript(power: int) -> str:
-    return str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
 def root(value: complex) -> str:
