@@ -10,6 +10,7 @@ from vdmsi_jax.config import PlantSpec
 from vdmsi_jax.data.record import Record
 from vdmsi_jax.diagnose.chain import bands, regress
 from vdmsi_jax.diagnose.disturbance import apart, demands, moving, scores
+from vdmsi_jax.diagnose.families import OF_STATES
 from vdmsi_jax.diagnose.judge import Scored, Trial, confirmed, gain_of
 from vdmsi_jax.diagnose.prepare import stage_of
 from vdmsi_jax.diagnose.remains import Remains, unexplained
@@ -49,6 +50,22 @@ def when_it_jumps(x):
     """Where the response has just jumped."""
     since = T % 4.5
     return np.where(since < 1.0, x, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("test", "share", "outdone"),
+    [
+        (f"{OF_STATES} would explain it", 0.56, True),  # 0.27 of the error without the cause
+        (f"{OF_STATES} would explain it", 0.9, False),
+        (f"{OF_STATES} would explain it; 0.6 % of the response's spread", 0.56, False),
+        (f"saturation has another form; {OF_STATES} would explain it", 0.56, False),
+        ("a slow error of 5 % of the response's spread", 0.56, False),
+    ],
+)
+def test_a_cause_stands_in_for_a_function_that_takes_much_beside_it(test, share, outdone):
+    remains = Remains((Unexplained("v", 0.61, ("v",), test=test, puzzling=True),), ())
+    assert remains.outdoes("v", share) is outdone
+    assert not remains.outdoes("delta", share)
 
 
 def test_what_is_left_by_a_model_that_is_true_to_the_response_is_small():

@@ -36,6 +36,7 @@ class Raw:
         run: (N,) labels of runs, or None for a single one.
         keep: (N,) rows that were selected, or None for all.
         sharp: name -> (N,) true where a curvature was cut to the sharpest that can be driven.
+        passed_by: sentences about columns that were not read, and look as if they should be.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Raw:
     run: np.ndarray | None = None
     keep: np.ndarray | None = None
     sharp: Mapping[str, np.ndarray] = field(default_factory=dict)
+    passed_by: tuple[str, ...] = ()
 
 
 @dataclass

@@ -67,7 +67,7 @@ def prepare(raw: Raw, config: Config, windows: Mapping[str, float] | None = None
     new_run[0] = True
     if raw.run is not None:
         new_run[1:] = raw.run[1:] != raw.run[:-1]
-    rows = Rows(raw, np.arange(n), new_run, {}, [])
+    rows = Rows(raw, np.arange(n), new_run, {}, [*raw.passed_by])
     if raw.keep is not None:
         select_rows(rows)
     check_time(rows, config)

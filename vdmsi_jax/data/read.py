@@ -5,7 +5,8 @@ read before it fills the memory, turn units into SI, and hand the table to `prep
 evenly sampled segments of it.
 """
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
@@ -89,6 +90,7 @@ def _read(path: Path, config: Config, windows: Mapping[str, float]) -> Record:
             for channel in channels
             if _is_curvature(channel, config) and config.vehicle is not None
         },
+        passed_by=tuple(_passed_by(table.names, columns)),
     )
     return prepare(raw, config, windows)
 
@@ -262,6 +264,19 @@ def _columns(config: Config, names: Sequence[str], path: Path) -> dict[str, str]
         mend = f"name channels in [columns]; {nearest('v', names)}"
         raise InputError(str(path), "header", problem, mend)
     return columns
+
+
+def _passed_by(names: Sequence[str], columns: Mapping[str, str]) -> Iterator[str]:
+    """Columns that are nearly called as a channel that the log lacks."""
+
+    def letters(name: str) -> str:
+        return re.sub("[^a-z0-9]", "", (bracketed(name) or (name,))[0].lower())
+
+    lacking = {letters(channel): channel for channel in CANONICAL if channel not in columns}
+    for name in names:
+        channel = lacking.get(letters(name))
+        if channel is not None and name not in columns.values():
+            yield f"passed by the column {name!r}, which [columns] {channel} = {name!r} would read"
 
 
 def _speaks_of(written: str, own: Unit) -> bool:

@@ -36,19 +36,19 @@ def slowness_of(
     leads: Float[Array, "2"],
 ) -> Float[Array, ""]:
     """Seconds of command that a unit of acceleration is worth (see `Effort`), of the plant that
-    `observer` takes. Where the lead of a force is beyond the plant's time constants, the controller
-    makes up for it, and what counts is how fast the response gives way before."""
+    `observer` takes: its time constants together, as of a speed that a controller behind one lag
+    holds. A force with a larger lead than there enters behind more of the dynamics (of a cascade,
+    at the last lag alone; with an integrator in the controller, which makes up for it, behind all),
+    and what counts is how fast the response gives way at first."""
     order = _last(a)
     before = jnp.where(order > 0, a[order - 1], 1.0)
     push = jnp.where(b[order] == 0.0, 1.0, b[order])
     plain = before / (pace * push)
     if a.shape[0] < 2:
         return plain
-    force = led(b, leads)
-    gives = jnp.maximum(abs(force[0]), abs(force[1]) / jnp.maximum(abs(a[0]), 1e-9))
-    share = made_up_for(leads[0] * a[order] / jnp.where(before == 0.0, 1.0, before))
-    ratio = abs(push) / jnp.maximum(gives * abs(before), 1e-12)
-    return plain * jnp.where(share > 0.0, ratio, 1.0) ** share
+    ahead = led(b, leads) - b
+    gives = jnp.maximum(abs(ahead[0]), abs(ahead[1]) / jnp.maximum(abs(a[0]), 1e-9))
+    return plain / jnp.maximum(1.0, gives * abs(before / push))
 
 
 def ramp_lag(system: StateSpace, rest: Float[Array, " n"]) -> Float[Array, ""]:
