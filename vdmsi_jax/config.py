@@ -172,7 +172,8 @@ class Prepare:
         jitter: how far a time stamp may lie off the even grid, as a share of dt, before the log
             counts as irregular and is resampled. Rounding of printed time stamps is told apart from
             jitter and is never resampled.
-        gap: a hole between rows longer than this, s, ends a segment; 5 sample periods if not given.
+        gap: a hole between rows longer than this, s, ends a segment; 5 sample periods if not given
+            (and of a channel that is logged less often, for `missing`, 5 of its own).
         duplicates: rows with the time stamp of the row before: `refuse` the log, or `drop` them.
         missing: empty, NaN or infinite cells in a used column: `refuse` the log, cut the rows out
             (`gap`), or fill holes not longer than `gap` by the last value (`hold`) or by the rule

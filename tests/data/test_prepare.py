@@ -235,6 +235,23 @@ def test_missing_cells_are_filled_by_rule(tmp_path, policy):
     )
 
 
+@pytest.mark.parametrize("policy", ["interpolate", "hold"])
+def test_a_sensor_slower_than_the_log_is_filled_between_its_cells(tmp_path, policy):
+    """In every twentieth row; where it is silent for longer, the log has a gap."""
+    t = 0.01 * np.arange(800)
+    silent = (np.arange(800) % 20 != 0) | ((t > 1.85) & (t < 5.95))
+    columns = clean(t) | {"x": np.where(silent, np.nan, 2.0 * t)}
+    log = read(tmp_path, columns, missing=policy)
+    pieces = [(round(log.t[s.start], 2), round(log.t[s.stop - 1], 2)) for s in log.segments]
+    last = 7.8 if policy == "interpolate" else 7.99
+    assert pieces[0][0] == 0.0 and pieces[-1] == (6.0, last) and len(pieces) == 2
+    assert log.measured("x").sum() == 10 + 10 and log.measured("v").all()
+    if policy == "interpolate":
+        np.testing.assert_allclose(log["x"], 2.0 * log.t, atol=1e-9)
+    with pytest.raises(InputError, match="no stretch without a gap"):
+        read(tmp_path, columns, missing=policy, gap=0.1)
+
+
 @pytest.mark.parametrize("policy", ["hold", "interpolate"])
 def test_long_holes_are_not_filled(tmp_path, policy):
     t = 0.01 * np.arange(300)

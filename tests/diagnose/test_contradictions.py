@@ -79,6 +79,18 @@ def test_each_is_told_with_its_mend(logs, case):
     assert all(mend in one.said for one in told)
 
 
+def test_a_noisy_response_to_a_smooth_command_is_no_command():
+    """A lag smooths the noise, and what is left tells the command better than it is told."""
+    rng, dt = np.random.default_rng(2), 0.02
+    t = dt * np.arange(3000)
+    v_cmd = 1.3 + 0.2 * np.sin(0.4 * t) + 0.1 * np.sin(0.15 * t)
+    v = lagged(v_cmd, 8.0) + 0.03 * rng.standard_normal(t.size)
+    log = vj.Record.from_arrays(dt=dt, v_cmd=v_cmd, v=v)
+    assert not contradictions([log], DEFAULT_PLANTS)
+    swapped = vj.Record.from_arrays(dt=dt, v_cmd=v, v=np.repeat(rng.uniform(1.0, 2.0, 30), 100))
+    assert not contradictions([swapped], DEFAULT_PLANTS)
+
+
 @pytest.mark.slow
 def test_a_heading_that_turns_the_other_way_comes_before_all_else(logs):
     found = vj.diagnose(changed(logs, psi=lambda r: -r["psi"]))

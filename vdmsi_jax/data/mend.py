@@ -14,6 +14,9 @@ from ..config import Config
 from ..errors import InputError
 from .resample import sample_period
 
+USUAL_GAP = 5.0
+"""Sample periods that a hole may last, where the configuration says nothing."""
+
 _LONG_BEFORE = 1e6  # s, from which a clock began before the log: epochs, weeks of a satellite
 _SLOWEST, _FASTEST = (
     1.0,
@@ -194,7 +197,8 @@ def mend_missing(rows: Rows, config: Config, gap: float) -> None:
             raise InputError(raw.source, place, problem, mend)
         if policy != "gap":
             held = policy == "hold" or is_held(name, config)
-            stay = _fill(rows, name, bad, held, gap)
+            own = gap if config.prepare.gap else max(gap, USUAL_GAP * _spacing(rows, ~bad))
+            stay = _fill(rows, name, bad, held, own)
             filled = bad & ~stay
             if filled.any():
                 how = "held" if held else "interpolated"
@@ -213,6 +217,12 @@ def mend_missing(rows: Rows, config: Config, gap: float) -> None:
             f"{moment(rows.t, k)}"
         )
         rows.cut(lost, gap=True)
+
+
+def _spacing(rows: Rows, good: np.ndarray) -> float:
+    """Usual time between the cells that are there, s: a sensor may be slower than the log."""
+    t = rows.t[good]
+    return float(np.median(np.diff(t))) if t.size > 1 else 0.0
 
 
 def _fill(rows: Rows, name: str, bad: np.ndarray, held: bool, gap: float) -> np.ndarray:

@@ -15,6 +15,7 @@ from .derive import Channels, derive
 from .lattice import lattice_step
 from .magnitude import refuse_absurd
 from .mend import (
+    USUAL_GAP,
     Raw,
     Rows,
     check_time,
@@ -34,7 +35,6 @@ from .unasked import unasked
 from .undeclared import refuse_undeclared
 
 _FINEST = 100  # samples that may be made of one row
-_DEFAULT_GAP = 5.0  # sample periods
 _ROUNDING = 0.02  # how far the period of an uneven log may move to become a rounder number
 _WIDEST = 0.5 * np.pi  # rad, that a wheel is turned
 _BETWEEN_RUNS = 1.0  # s between runs whose clocks restarted
@@ -72,7 +72,7 @@ def prepare(raw: Raw, config: Config, windows: Mapping[str, float] | None = None
         select_rows(rows)
     check_time(rows, config)
     period = period_of(rows, config)
-    gap = config.prepare.gap or _DEFAULT_GAP * period
+    gap = config.prepare.gap or USUAL_GAP * period
     unwrap(rows, config)
     mend_missing(rows, config, gap)
     cut_warm_up(rows, config)

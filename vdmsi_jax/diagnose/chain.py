@@ -107,7 +107,10 @@ def _taps(x: np.ndarray) -> list[np.ndarray]:
 def regress(
     X: Float[np.ndarray, "columns samples"], e: Float[np.ndarray, " samples"]
 ) -> Float[np.ndarray, " columns"]:
-    """Least-squares shares of the rows of `X` in `e`; none for rows that are zero."""
+    """Least-squares shares of the rows of `X` in `e`; none for rows that are zero, or where there
+    is no sample."""
+    if not X.shape[1]:
+        return np.zeros(len(X))
     size = np.sqrt(np.mean(X**2, axis=1))
     scale = np.where(size > 0, size, 1.0)
     gram = (X / scale[:, None]) @ (X / scale[:, None]).T

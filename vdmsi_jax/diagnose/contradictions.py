@@ -102,7 +102,8 @@ def _swapped(records: Sequence[Record], plant: PlantSpec) -> list[Contradiction]
     seen = [r.measured(plant.output)[part] for r, part in parts]
     late = max(round(_LATE / records[0].dt), 1)
     forward, backward = (1.0 - first_look(a, b, seen, late).explained for a, b in ((u, y), (y, u)))
-    if backward > _BACKWARD or forward < _FORWARD * backward:
+    noise = np.mean([r.noise_std(plant.output) ** 2 for r in records]) / np.var(np.concatenate(y))
+    if backward > _BACKWARD or forward - noise < _FORWARD * backward:  # no command tells noise
         return []
     said = (
         f"{plant.input} follows {plant.output} as a response follows a command (a lag leaves "

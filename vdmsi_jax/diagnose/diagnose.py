@@ -13,6 +13,7 @@ from ..data import check_excitation
 from ..data.outliers import without_outliers
 from ..data.record import Record
 from ..data.session import in_session
+from ..data.slow_sensors import between_their_samples
 from ..errors import InputError
 from ..programs import make_room
 from ..threads import AT_ONCE, one_for_blas
@@ -70,6 +71,7 @@ def _diagnose(
     several = [records] if isinstance(records, Record | str | Path) else list(records)
     several, copies = _once(_alike(several, vehicle))
     several, alone = _among_their_like(several)
+    several, slow = _at_their_rate(several)
     several, dead = _alive(several)
     against = contradictions(several, plants_of(several))
     several = _without(several, {c for one in against for c in one.leave})
@@ -81,7 +83,7 @@ def _diagnose(
     except ActsInSteps:
         say("a command acts in steps: looking at every row")
         found = _looked_into(several, noise, say)
-    unseen = (*copies, *alone, *dead, *_unshared(several), *found.unseen)
+    unseen = (*copies, *alone, *slow, *dead, *_unshared(several), *found.unseen)
     return _contradicted(replace(found, unseen=unseen), against)
 
 
@@ -228,6 +230,18 @@ def _among_their_like(records: list[Record]) -> tuple[list[Record], list[str]]:
         "outliers of a sensor do: left out."
         for record, counts in pairs
         for channel, count in counts.items()
+    ]
+    return [record for record, _ in pairs], told
+
+
+def _at_their_rate(records: list[Record]) -> tuple[list[Record], list[str]]:
+    """The records with lines between the samples of sensors slower than they, and what is said."""
+    pairs = [between_their_samples(record) for record in records]
+    told = [
+        f"{record.log}: {channel} was measured every {period:.3g} s, and is taken to go straight "
+        "from one sample to the next."
+        for record, periods in pairs
+        for channel, period in periods.items()
     ]
     return [record for record, _ in pairs], told
 
