@@ -175,9 +175,10 @@ def _evidence(
     if bodily is None:
         unseen.append(_why_no_body(several))
     if not searches and bodily is None:
-        if refused:
-            raise next(iter(refused.values()))
         names = ", ".join(record.source for record in several)
+        if refused:
+            first = next(iter(refused.values()))
+            raise InputError(names, first.place, first.problem, first.mend)
         mend = "name commands and responses in [columns], and pair them in [[plants]]"
         none = [] if plants else ["no command with its response was logged"]
         why = [*_unshared(several), *none, *unseen][0].rstrip(".")

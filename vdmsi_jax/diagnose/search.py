@@ -207,10 +207,15 @@ def _untold(found: Search, finding: Finding) -> bool:
 
 def _drawn(stage: Stage, number: int, scored: Scored) -> bool:
     """Whether a cause with many parameters has drawn the error that was fitted, and tells little of
-    that of data held out."""
+    that of data held out, or too little to be sure where these are parts of the same runs: a slow
+    error goes on from one part to the next."""
     if stage.slots[number].weight < FREE:
         return False
-    return scored.taken(stage.held_out) < _BORNE_OUT * scored.taken(stage.mask)
+    if scored.taken(stage.held_out) < _BORNE_OUT * scored.taken(stage.mask):
+        return True
+    gain = gain_of(scored, stage.held_out, True, stage.dt)
+    parts = np.any(stage.mask.any(axis=1) & stage.held_out.any(axis=1))
+    return bool(parts) and gain.after - gain.before < SURE * gain.se
 
 
 def _worse(scored: Scored, stage: Stage) -> bool:
