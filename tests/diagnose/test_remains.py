@@ -64,8 +64,9 @@ def when_it_jumps(x):
 )
 def test_a_cause_stands_in_for_a_function_that_takes_much_beside_it(test, share, outdone):
     remains = Remains((Unexplained("v", 0.61, ("v",), test=test, puzzling=True),), ())
-    assert remains.outdoes("v", share) is outdone
-    assert not remains.outdoes("delta", share)
+    assert remains.outdoes("coulomb_friction", "v", share) is outdone
+    assert not remains.outdoes("coulomb_friction", "delta", share)
+    assert not remains.outdoes("offset", "v", share)
 
 
 def test_what_is_left_by_a_model_that_is_true_to_the_response_is_small():

@@ -26,6 +26,10 @@ _NO_WIND, _NO_EVEN_WIND = 0.08, 0.16  # the same, beyond which an error is no di
 # the library lacks 0.09 to 0.33
 _BY_STATES = 0.15  # share of a channel's error, that some function of states takes beside a cause
 # that stands in for it: beside right names up to 0.12, beside wrong ones 0.06 to 0.27
+_OF_STATES = (
+    *("gain_nonlinearity", "saturation", "dead_zone", "gain_asymmetry"),
+    *("drag", "coulomb_friction", "backlash"),
+)  # causes that are functions of these themselves
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +73,12 @@ class Remains:
         puzzling = [u for u in self.found if u.puzzling and not u.steady]
         return _largest([*puzzling, *self._beyond])
 
-    def outdoes(self, channel: str, share: float) -> bool:
+    def outdoes(self, cause: str, channel: str, share: float) -> bool:
         """Whether some function of inputs and states takes so much more of a channel's error beside
-        a cause that this, which takes a `share`, is but a part of what the library lacks."""
+        a cause that is one, too, that this, which takes a `share`, is but a part of what the
+        library lacks."""
+        if cause not in _OF_STATES:
+            return False
         by_states = _largest(u for u in self.found if u.test == f"{OF_STATES} would explain it")
         return by_states.get(channel, 0.0) * (1.0 - share) > _BY_STATES
 

@@ -120,7 +120,9 @@ class Evidence:
             small = (
                 weighing.minor(cause, trial, found, puzzle, disturbance, leads, trials)
                 or any(f in (cause.finding, cause.body) for f in remains.outdone)
-                or remains.outdoes(trial.gain.channel, max(found.share, trial.gain.typical))
+                or remains.outdoes(
+                    found.cause, trial.gain.channel, max(found.share, trial.gain.typical)
+                )
                 or (cause.where == "sensor" and cause.channel in remains.dropping)
             )
             (minor if small else findings).append(found)
