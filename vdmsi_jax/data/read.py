@@ -213,15 +213,21 @@ def plants_in(path: Path, config: Config) -> tuple[PlantSpec, ...]:
     Raises:
         InputError: the log cannot be opened, or is no table.
     """
+    if config.plants:
+        return config.plants
     there = _said(config, _open_table(path).names)
     by_pose = {"x", "y", "psi"} <= there
-    return config.plants or (() if by_pose else plants_among(there)) or DEFAULT_PLANTS
+    return (() if by_pose else plants_among(there)) or DEFAULT_PLANTS
 
 
 def _said(config: Config, names: Sequence[str]) -> set[str]:
     """The channels that a header and a configuration name."""
-    plain = {(bracketed(name) or (name,))[0] for name in names}
-    return plain | {*names, *config.columns, *config.derive}
+    return {*map(_without_unit, names), *names, *config.columns, *config.derive}
+
+
+def _without_unit(name: str) -> str:
+    """A column's name without the unit in brackets behind it."""
+    return (bracketed(name) or (name, ""))[0]
 
 
 def _with_its_plant(config: Config, names: Sequence[str]) -> Config:
@@ -270,7 +276,7 @@ def _passed_by(names: Sequence[str], columns: Mapping[str, str]) -> Iterator[str
     """Columns that are nearly called as a channel that the log lacks."""
 
     def letters(name: str) -> str:
-        return re.sub("[^a-z0-9]", "", (bracketed(name) or (name,))[0].lower())
+        return re.sub("[^a-z0-9]", "", _without_unit(name).lower())
 
     lacking = {letters(channel): channel for channel in CANONICAL if channel not in columns}
     for name in names:

@@ -225,24 +225,36 @@ def _once(records: list[Record]) -> tuple[list[Record], list[str]]:
 def _among_their_like(records: list[Record]) -> tuple[list[Record], list[str]]:
     """The records without outliers of their sensors, which no cause of a library makes, and what is
     left out."""
-    pairs = [without_outliers(record) for record in records]
-    told = [
-        f"{record.log}: {count} samples of {channel} stand alone, far from those about them, as "
-        "outliers of a sensor do: left out."
-        for record, counts in pairs
-        for channel, count in counts.items()
-    ]
-    return [record for record, _ in pairs], told
+    return _each_mended(
+        records,
+        without_outliers,
+        "{number} samples of {channel} stand alone, far from those about them, as outliers of a "
+        "sensor do: left out.",
+    )
 
 
 def _at_their_rate(records: list[Record]) -> tuple[list[Record], list[str]]:
     """The records with lines between the samples of sensors slower than they, and what is said."""
-    pairs = [between_their_samples(record) for record in records]
+    return _each_mended(
+        records,
+        between_their_samples,
+        "{channel} was measured every {number:.3g} s, and is taken to go straight from one "
+        "sample to the next.",
+    )
+
+
+def _each_mended(
+    records: list[Record],
+    mend: Callable[[Record], tuple[Record, Mapping[str, float]]],
+    said: str,
+) -> tuple[list[Record], list[str]]:
+    """The records after a mend that gives a number for each channel that it touched, and a sentence
+    about each."""
+    pairs = [mend(record) for record in records]
     told = [
-        f"{record.log}: {channel} was measured every {period:.3g} s, and is taken to go straight "
-        "from one sample to the next."
-        for record, periods in pairs
-        for channel, period in periods.items()
+        f"{record.log}: {said.format(channel=channel, number=number)}"
+        for record, numbers in pairs
+        for channel, number in numbers.items()
     ]
     return [record for record, _ in pairs], told
 
