@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from vdmsi_jax.diagnose.naming import Named, as_offset, merged
+from vdmsi_jax.diagnose.naming import Named, as_offset, merged, with_form
 from vdmsi_jax.diagnose.result import Estimate, Rival
 
 
@@ -44,3 +44,12 @@ def test_what_the_body_takes_back_is_the_sensors():
     assert (told.cause, told.where, told.channel) == ("sensor_bias", "sensor", "delta")
     other = replace(as_offset(BANK), parameters={"bias": Estimate(0.018, 0.001, "rad")})
     assert len(merged([OFFSET, other])) == 2
+
+
+def test_what_is_not_known_of_a_form_widens_sizes_and_no_frequency():
+    told = {"gap": Estimate(-2.0, 0.04, "rad"), "frequency": Estimate(5.0, 0.001, "Hz")}
+
+    wider = with_form(told)
+
+    assert wider["gap"].std == pytest.approx(0.05)
+    assert wider["frequency"] == told["frequency"]

@@ -20,6 +20,11 @@ from .result import Estimate, Rival
 from .stage import Slot
 
 _CLEAR = 2.0  # standard errors from which a drift is told as bent, and a change as slowing
+_FORM = 0.015
+"""Of a size, the standard deviation that is not noise: what the form of a cause in a machine and in
+the library differ by. Measured: of 235 sizes that the hunt hid, in forms of its own, intervals of
+noise alone held 90.6 %, with this 94.9 %; of 167 that others hid, 82 % and 92 %."""
+_POINTS = ("frequency", "time", "phase", "step")  # of a line, a jump or a grid: no form moves them
 _HALF = 0.5  # of a value, by which two that are one may differ, however uncertain they are
 
 _FORMS = {
@@ -298,6 +303,14 @@ def _renamed(cause: str, told: dict[str, Estimate]) -> dict[str, Estimate]:
             return {"level": level}
         return {"level": level, "static": Estimate(level.value + more.value, more.std, level.unit)}
     return told
+
+
+def with_form(told: Mapping[str, Estimate]) -> dict[str, Estimate]:
+    """Parameters whose standard deviations hold what is not known of a cause's form, too."""
+    return {
+        name: e if name in _POINTS else replace(e, std=math.hypot(e.std, _FORM * e.value))
+        for name, e in told.items()
+    }
 
 
 def merged(causes: list[Named]) -> list[Named]:

@@ -19,7 +19,8 @@ Verdict = Literal["explained", "no_effect", "unexplained_structure"]
 
 @dataclass(frozen=True)
 class Estimate:
-    """A parameter of a cause: value and standard deviation in `unit`."""
+    """A parameter of a cause: value and standard deviation in `unit`, that of a finding with what
+    is not known of the cause's form."""
 
     value: float
     std: float

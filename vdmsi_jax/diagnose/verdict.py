@@ -20,7 +20,7 @@ from .found import FEW, MARGIN, Search, output_of
 from .hypothesis import Refit
 from .judge import Scored, Trial, confirmed, gain_of
 from .manoeuvres import separate
-from .naming import Named, merged, of_body, of_stage, of_yaw_rate
+from .naming import Named, merged, of_body, of_stage, of_yaw_rate, with_form
 from .refit import refit
 from .remains import Remains, unexplained
 from .result import Diagnosis, Finding, Rival, Unexplained
@@ -232,7 +232,7 @@ class Evidence:
             where=cause.where,
             channel=cause.channel,
             form=cause.form,
-            parameters=cause.parameters,
+            parameters=with_form(cause.parameters),
             statistic=cause.statistic,
             p_value=_chi_squared(cause.statistic, cause.freedom),
             gain=gain,
