@@ -25,6 +25,7 @@ from .families import (
     weighed,
 )
 from .found import Finding, Search
+from .heading import by_heading
 from .hypothesis import Refit, responses
 from .judge import Scored
 from .lanes import LEADS
@@ -76,6 +77,7 @@ def leftover(
         found += _of_stage(runs, spec, own)
     if bodily is not None:
         found += _of_body(runs, bodily) + jumps_of_pose(runs.names, bodily)
+        found += _of_compass(runs, bodily)
     return found
 
 
@@ -358,6 +360,18 @@ def jumps_of_pose(names: tuple[str, ...], found: BodySearch) -> list[Unexplained
             jumps = events("pose", e, white, known, names, body.dt, sure)
             left += [replace(u, size=SMALL) for u in jumps]
     return sorted(left, key=lambda u: -u.fraction)[:1]
+
+
+def _of_compass(runs: Runs, found: BodySearch) -> list[Unexplained]:
+    """What goes with the heading in the way aside."""
+    body = found.body
+    if "aside" not in body.measured:
+        return []
+    masks = body.mask["aside"], body.held_out["aside"]
+    aside = residual(body, found.final, "aside", masks[0] | masks[1])
+    return by_heading(
+        aside, body.measured["forward"], body.measured["psi"], runs.channel("psi"), masks
+    )
 
 
 def _of_body(runs: Runs, found: BodySearch) -> list[Unexplained]:
