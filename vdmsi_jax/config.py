@@ -3,8 +3,8 @@
 Every table is a frozen dataclass here, and `vdmsi_jax.decode` fills it strictly. The tables, in the
 order of the way that a log takes: `[columns]`, `[units]`, `[sign]` (names and units to SI),
 `[select]` (which rows), `[prepare]` (sampling, gaps, repairs), `[derive]` (channels that follow
-from others), `[vehicle]` (geometry), `[[plants]]` (which channel answers to which), `[identify]`
-and `[sweep]`.
+from others), `[vehicle]` (geometry), `[[plants]]` (which channel answers to which; `[plant]`, where there is
+one), `[identify]` and `[sweep]`.
 """
 
 import dataclasses
@@ -424,4 +424,7 @@ def load_config(path: str | Path | None) -> Config:
     if path is None:
         return Config()
     path = Path(path)
-    return dataclasses.replace(decode(Config, load_toml(path), source=str(path)), path=path)
+    table = load_toml(path)
+    if isinstance(table.get("plant"), dict) and "plants" not in table:  # the only one
+        table["plants"] = [{"name": "plant"} | table.pop("plant")]
+    return dataclasses.replace(decode(Config, table, source=str(path)), path=path)

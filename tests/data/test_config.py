@@ -187,3 +187,16 @@ def test_a_plant_s_own_y_is_no_place_beside_a_vehicle(tmp_path):
     path.write_text(f"{vehicle}{units}[[plants]]\nname = 'way'\ninput = 'v_cmd'\noutput = 'y'")
     with pytest.raises(InputError, match="length"):
         load_config(path)
+
+
+def test_a_plant_alone_stands_in_a_table_of_its_own(tmp_path):
+    file = tmp_path / "motor.toml"
+    file.write_text('[plant]\ninput = "volt"\noutput = "speed"\n', encoding="utf-8")
+
+    (plant,) = load_config(file).plants
+
+    assert (plant.name, plant.channels) == ("plant", ("volt", "speed"))
+
+    file.write_text('[plant]\ninput = "volt"\noutlet = "speed"\n', encoding="utf-8")
+    with pytest.raises(InputError, match="outlet.*output"):
+        load_config(file)
