@@ -3,8 +3,8 @@
 Every table is a frozen dataclass here, and `vdmsi_jax.decode` fills it strictly. The tables, in the
 order of the way that a log takes: `[columns]`, `[units]`, `[sign]` (names and units to SI),
 `[select]` (which rows), `[prepare]` (sampling, gaps, repairs), `[derive]` (channels that follow
-from others), `[vehicle]` (geometry), `[[plants]]` (which channel answers to which; `[plant]`, where there is
-one), `[identify]` and `[sweep]`.
+from others), `[vehicle]` (geometry), `[[plants]]` (which channel answers to which; `[plant]`, where
+there is one), `[identify]` and `[sweep]`.
 """
 
 import dataclasses

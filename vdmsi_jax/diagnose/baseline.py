@@ -18,6 +18,8 @@ ORDERS = ((1, 0), (2, 0), (2, 1), (3, 0), (3, 1), (3, 2), (4, 0), (4, 1), (4, 2)
 delay. Where the command is seen in the row in which it is given, as many zeros as poles too."""
 _AT_ONCE, _SURE = 0.05, 60.0  # share of the innovations that a step of the command explains in its
 # own row, and the same in twice the log-likelihood, from which on a plant has a feed-through
+_LARGE, _PASSES = 0.3, 0.5  # of the largest step, and of what passes of all steps, that passes of
+# the large ones
 
 
 def baselines(stage: Stage) -> dict[tuple[int, int], Refit]:
@@ -52,14 +54,20 @@ def baselines(stage: Stage) -> dict[tuple[int, int], Refit]:
 def feeds_through(stage: Stage, fit: Refit) -> bool:
     """Whether what a fit leaves moves with a step of the command in the row of the step itself,
     before which no plant without feed-through moves. Rows that are means of several see so much of
-    any plant."""
+    any plant. A controller that makes the command of the row's noise looks the same, but works the
+    other way than the plant at rest does, and not by large steps."""
     if stage.within is not None:
         return False
     step = np.diff(stage.u, axis=1, prepend=stage.u[:, :1])
     white = whiten(residual(stage, fit.y)[None], fit.colour[None])[0]
     x, y = step[stage.mask], white[stage.mask]
     share = float(x @ y) ** 2 / max(float((x @ x) * (y @ y)), 1e-300)
-    return share > _AT_ONCE and share * x.size > _SURE
+    large = np.abs(x) > _LARGE * np.abs(x).max(initial=0.0)
+    passed = (x[large] @ y[large]) / max(float(x[large] @ x[large]), 1e-300)
+    passes = passed * (x @ y) > _PASSES * (x @ y) ** 2 / max(float(x @ x), 1e-300)
+    at_rest = fit.hypothesis.num[-1] / fit.hypothesis.den[-1]
+    passes = passes and passed * at_rest > 0.0
+    return bool(share > _AT_ONCE and share * x.size > _SURE and passes)
 
 
 def grown(stage: Stage, fit: Refit) -> list[Refit]:

@@ -123,7 +123,7 @@ def of_plant(
     """What a freer linear plant could add, and the families of a plant with one input.
 
     Args:
-        u, y: command and simulated response; `names`: theirs.
+        u, y: command, that of the row before, and simulated response; `names`: theirs.
         other: command of the other actuator, zero where there is none.
         t: time, s.
         mask: samples that are fitted.
@@ -131,7 +131,7 @@ def of_plant(
         span: slowest time constant of the plant, s.
     """
     command, response = names
-    rate = np.gradient(y, dt, axis=1)
+    rate = np.diff(y, axis=1, prepend=y[:, :1]) / dt  # of the past: what follows knows the command
     usual = max(float(np.abs(u[mask]).mean()), 1e-300)
     effort = [history(x, s, dt) for s in _PASTS for x in (np.abs(u), u**2 / usual)]
     effort += [history(u**2 / usual, s, dt) * (1.0 - np.exp(-t / s)) for s in _PASTS]  # from cold
@@ -153,6 +153,10 @@ def of_plant(
         across += [o * rate, np.abs(o) * rate]
         words = "a coupling with the other command"
         found.append(_family(words, ["the other command"], across, _CROSSED))
+        paced = [o * rate, np.abs(o) * rate, o**2 * rate]
+        paced += [history(x, s, dt) for s in (0.2, 1.0) for x in paced]
+        words = "a time constant that changes with the other command"
+        found.append(_family(words, ["the other command"], paced))
         states["the other command"] = other
     span = float(np.clip(span, 3.0 * dt, 0.1 * max(float(np.ptp(t)), 30.0 * dt)))
     past = [history(u, k * span, dt) for k in _SPANS]

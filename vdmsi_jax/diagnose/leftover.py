@@ -24,6 +24,7 @@ from .families import (
     of_plant,
     weighed,
 )
+from .feedback import answered
 from .found import Finding, Search
 from .heading import by_heading
 from .hypothesis import Refit, responses
@@ -223,10 +224,13 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     needs = demands(stage.u, final.y, stage.mask | stage.held_out, stage.dt)
     moves = moving(np.asarray(stage.signals.v), stage.mask | stage.held_out)
     known = stage.noise.slow
+    loaded = answered(stage.u, white, stage.mask, final.colour.size)
+    if loaded:  # what is asked goes with the error, and not the other way round
+        needs = needs[:0]
     about = spec.output, e, white, stage.y, needs, masks, stage.dt
     slow = slow_error(*about, known, moves, stage.scales.time_constant)
     if slow is not None:
-        found.append(slow)
+        found.append(replace(slow, answered=loaded))
     # what may have drawn the noise, or the disturbance, of the data fitted
     drawn = IMITATORS if slow is not None and slow.steady else {"resonance"}
     broken: dict[str, tuple[float, float]] = {}  # of several forms or plants with it, the most
@@ -304,13 +308,15 @@ def asked(
     spec: PlantSpec, stage: Stage, y: np.ndarray, evenly: np.ndarray | float = 1.0
 ) -> Question:
     """What to ask `families.weighed` about a plant whose model responds with `y`; `evenly` makes
-    its noise as large everywhere."""
+    its noise as large everywhere. The command is that of the row before, since a controller may
+    have made that of the row itself of the row's noise."""
     e = np.where(stage.mask | stage.held_out, stage.y - y, 0.0) * evenly
+    given = np.concatenate([stage.u[:, :1], stage.u[:, :-1]], axis=1)
     other, t = (np.asarray(x) for x in (stage.signals.other, stage.signals.t))
     every = -(-e.size // _MANY)
     weights = thinned(evenly * np.ones_like(e), every)
     e, u, y, other, t, mask, held_out = (
-        thinned(x, every) for x in (e, stage.u, y, other, t, stage.mask, stage.held_out)
+        thinned(x, every) for x in (e, given, y, other, t, stage.mask, stage.held_out)
     )
     dt = every * stage.dt
     named, span = (spec.input, spec.output), stage.scales.time_constant

@@ -2,6 +2,10 @@
 
 import math
 
+import numpy as np
+
+from ..effects.periodic_disturbance import PeriodicDisturbance
+from . import swing
 from .hypothesis import GROWTH, Hypothesis, Refit, growth
 from .stage import Slot, Stage
 from .starts import backward, lingers
@@ -13,7 +17,8 @@ PARAMETER_COST = 8.0  # of each of its parameters
 DISGUISED_COST = CAUSE_COST + PARAMETER_COST
 """Of zeros in the right half plane: an actuator that first moves the wrong way is a delay told by
 a rational function, and pays as one. Likewise a mode that the command does not move and that
-outlasts the runs: it is an offset."""
+outlasts the runs: it is an offset. One that swings through all of them is a periodic disturbance,
+and pays as that."""
 EARLY = 2.0
 """Samples by which a response may seem to come before its command, where stamps are uneven or what
 is measured was differenced: no cause, and yet in the model."""
@@ -23,6 +28,7 @@ LASTS = 0.1
 """Of the time by which a gain drifts, that a drift must take to be one: what is over sooner is a
 start, and leaves another gain."""
 PHASE_COST = 4.0  # of what swings, in each further run
+_SWING_WEIGHT = PeriodicDisturbance.weight
 WAIT_COST = 2.0  # of what was on its way, in each run
 _CURVES = ("gain_nonlinearity", "saturation", "dead_zone")
 FORM_COST = 15.0  # of each static curve beyond the first: two of them mend the form of one
@@ -60,7 +66,10 @@ def _is_over(stage: Stage, h: Hypothesis, slot: Slot) -> bool:
 
 def _plant_price(stage: Stage, h: Hypothesis) -> float:
     disguised = bool(backward(h).size) + lingers(stage, h)
-    return ORDER_COST * (h.poles + h.zeros + 1) + DISGUISED_COST * disguised
+    cost = ORDER_COST * (h.poles + h.zeros + 1) + DISGUISED_COST * disguised
+    line = CAUSE_COST + PARAMETER_COST * _SWING_WEIGHT + PHASE_COST * (len(stage.u) - 1)
+    each = 0.5 * line - ORDER_COST  # of the two poles that are counted
+    return cost + each * int(np.sum(swing.goes_on(stage, np.roots(h.den))))
 
 
 def score(stage: Stage, fit: Refit) -> float:

@@ -24,6 +24,7 @@ _WIND_ELSEWHERE = 0.12  # and one that goes with nothing commanded
 _NO_WIND, _NO_EVEN_WIND = 0.08, 0.16  # the same, beyond which an error is no disturbance, and one
 # that nothing hints at being another thing: of clean exams up to 0.06 and, even ones, 0.14; of what
 # the library lacks 0.09 to 0.33
+_NO_LOAD = 0.5  # the same of one that a controller answers
 _BY_STATES = 0.15  # share of a channel's error, that some function of states takes beside a cause
 # that stands in for it: beside right names up to 0.12, beside wrong ones 0.06 to 0.27
 _OF_STATES = (
@@ -98,7 +99,9 @@ class Remains:
 
 
 def _too_large(disturbance: Unexplained) -> bool:
-    """Whether it is larger than what wind and rough ground do."""
+    """Whether it is larger than what wind, rough ground and loads do."""
+    if disturbance.answered:
+        return disturbance.size > _NO_LOAD
     return disturbance.size > (_NO_EVEN_WIND if disturbance.even else _NO_WIND)
 
 

@@ -138,6 +138,7 @@ class Unexplained:
         of_form: whether a cause that was found would explain it, were its form a freer one.
         steady: whether it is a disturbance, such as wind: it does not go with what is asked.
         even: whether nothing so much as hints that a steady one is anything else.
+        answered: whether a controller answers a steady one, so that it may be a load of any size.
     """
 
     channel: str
@@ -150,6 +151,7 @@ class Unexplained:
     of_form: bool = False
     steady: bool = False
     even: bool = False
+    answered: bool = False
 
 
 @dataclass(frozen=True)

@@ -3,16 +3,17 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
+from . import swing
 from .baseline import order_of
 from .found import Finding
-from .hypothesis import Refit
+from .hypothesis import Hypothesis, Refit
 from .outcome import steadiness
 from .price import lack, score
 from .refit import refit
 from .screen import RAGGED, leading, screen
 from .selection import joined, without
 from .stage import Stage
-from .starts import all_pole, backward, reduced
+from .starts import all_pole, backward, reduced, stilled
 
 _APART = 1.7  # standard errors over blocks, from which two causes are told apart
 _CLOSE, _FORM, _FAR = 15.0, 0.1, 50.0  # lack, the same as a share of the gain, and lack again, up
@@ -30,15 +31,21 @@ def worths(stage: Stage, final: Refit) -> tuple[Finding, ...]:
     """Each cause of a model with what it is worth there, the strongest first."""
     numbers = final.hypothesis.active
     fits = refit(stage, [without(stage, final.hypothesis, number) for number in numbers])
-    late = {
-        k: all_pole(stage, f.hypothesis)
-        for k, f in zip(numbers, fits, strict=True)
-        if stage.slots[k].cause == "transport_delay" and backward(f.hypothesis).size
-    }
     less = dict(zip(numbers, fits, strict=True))
-    less |= dict(zip(late, refit(stage, list(late.values())), strict=True))
+    plainer = {k: _plainer(stage, k, f.hypothesis) for k, f in less.items()}
+    other = {k: h for k, h in plainer.items() if h is not less[k].hypothesis}
+    less |= dict(zip(other, refit(stage, list(other.values())), strict=True))
     found = [Finding(k, 2.0 * (final.loglik - f.loglik), f) for k, f in less.items()]
     return tuple(sorted(found, key=lambda f: -f.gain))
+
+
+def _plainer(stage: Stage, number: int, less: Hypothesis) -> Hypothesis:
+    """A model without a cause, in a plant that cannot tell it: a delay by zeros in the right half
+    plane, or what swings by poles that hardly decay."""
+    cause = stage.slots[number].cause
+    if cause == "transport_delay" and backward(less).size:
+        return all_pole(stage, less)
+    return stilled(stage, less) if cause == swing.CAUSE else less
 
 
 def findings_of(

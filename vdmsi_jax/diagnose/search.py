@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from . import swing
 from .baseline import baselines, order_of
 from .disturbance import IMITATORS
 from .found import FEW, Failed, Finding, Search
@@ -20,7 +21,7 @@ from .rivals import findings_of, worths
 from .screen import acts_in_steps
 from .selection import cleared, climbed, eliminate, rings_rather
 from .stage import Stage
-from .starts import hilly
+from .starts import hilly, stilled
 from .unexplained import extent
 
 SWAPS = 3
@@ -171,10 +172,19 @@ def _whole(
         baseline = plain
     if not findings:
         now = plain
+    swings = any(stage.slots[f.number].cause == swing.CAUSE for f in findings)
+    if swings and not _damped(stage, baseline):
+        damped = [f for f in grid.values() if _damped(stage, f)]
+        baseline = max(damped, key=lambda f: score(stage, f), default=baseline)
     kept = [plain, baseline, now, *(f.less for f in findings)]
     plain, baseline, now, *less = completed(whole, kept)
     findings = tuple(replace(f, less=k) for f, k in zip(findings, less, strict=True))
     return Search(whole, plain, baseline, now, findings, ())
+
+
+def _damped(stage: Stage, fit: Refit) -> bool:
+    """Whether no mode of a plant swings on through the runs, as what disturbs it does."""
+    return stilled(stage, fit.hypothesis) is fit.hypothesis
 
 
 def _foretold(whole: Stage, findings: Sequence[Finding]) -> tuple[Finding, ...]:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..effects import AbstractEffect, Scales
+from . import swing
 from .hypothesis import Hypothesis, Refit
 from .lanes import FEED, NUMERATOR, POLES
 from .stage import Stage
@@ -151,6 +152,16 @@ def shifted(
 def all_pole(stage: Stage, h: Hypothesis) -> Hypothesis:
     """The same without zeros: what a delay is worth shows beside a plant that cannot tell it."""
     return plant(h, stage, h.den, h.num[-1:])
+
+
+def stilled(stage: Stage, h: Hypothesis) -> Hypothesis:
+    """The same without modes that swing on: what a periodic disturbance is worth shows beside a
+    plant that cannot tell it."""
+    poles = np.roots(h.den)
+    den = np.real(np.poly(poles[~swing.goes_on(stage, poles)]))
+    if len(den) in (1, len(h.den)):
+        return h
+    return plant(h, stage, den, h.num[-1:] * den[-1] / h.den[-1])
 
 
 def waiting(

@@ -4,18 +4,26 @@ a phase of its own, which is told by that run as its start is."""
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Complex, Float
 
 from .stage import Stage
 
 CAUSE = "periodic_disturbance"
 _PEAKS = 3  # of a spectrum that are tried
+_SWINGS = 5  # of a mode, in a run, from which on it may tell a disturbance
 _NEAR = 8  # lines of a spectrum, within which two peaks are one
 
 
 def number_of(stage: Stage, active: Sequence[int]) -> int | None:
     """The periodic disturbance among causes that are on."""
     return next((k for k in active if stage.slots[k].cause == CAUSE), None)
+
+
+def goes_on(stage: Stage, poles: Complex[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Which poles of a plant, in its unit of frequency, are of a mode that swings on through the
+    runs: what it tells is a periodic disturbance, by the states at the starts."""
+    turned = poles * stage.pace * stage.dt * stage.u.shape[1]
+    return (np.abs(turned.imag) > 2.0 * np.pi * _SWINGS) & (np.abs(turned.real) < 1.0)
 
 
 def columns(stage: Stage, frequency: float) -> Float[np.ndarray, "2 N"]:
