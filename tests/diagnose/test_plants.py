@@ -104,6 +104,33 @@ def test_what_swings_begins_each_run_where_it_likes():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
+def test_what_swings_beside_gentle_commands_is_no_mode_of_the_plant(seed):
+    """A mode that hardly decays tells a line by the states at the starts, as well as the line."""
+    rng, t, made = np.random.default_rng(seed), DT * np.arange(2500), []
+    for run in range(3):
+        phases = rng.uniform(0.0, 6.28, 4)
+        waves = 2.0 * np.pi * np.outer((0.03, 0.05, 0.08), t) + phases[:3, None]
+        u = np.sum(np.sin(waves), axis=0)
+        x, v, y = u[0], 0.0, []
+        for command in np.repeat(u, FINE):
+            y.append(x)
+            v += 0.001 * (17.0**2 * (command - x) - 2.0 * 0.8 * 17.0 * v)
+            x += 0.001 * v
+        wave = 0.1 * np.sin(2.0 * np.pi * 2.6 * t + phases[3])
+        y = np.asarray(y[::FINE]) + wave + 0.03 * rng.standard_normal(t.size)
+        plant = vj.PlantSpec("servo", "u", "y")
+        made.append(vj.Record.from_arrays(dt=DT, name=f"run_{run}", plants=(plant,), u=u, y=y))
+
+    found = vj.diagnose(made)
+
+    assert [f.cause for f in found.findings] == ["periodic_disturbance"]
+    told = found.findings[0].parameters
+    assert told["frequency"].value == pytest.approx(2.6, abs=0.002)
+    assert told["amplitude"].value == pytest.approx(0.1, rel=0.05)
+
+
+@pytest.mark.slow
 def test_a_delay_is_not_told_by_zeros_in_the_right_half_plane():
     found = vj.diagnose(driven(2, delay=0.15))
     assert [f.cause for f in found.findings] == ["transport_delay"]

@@ -9,13 +9,22 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from .colour import autoregression, whiten
+from .hypothesis import Refit, residual
+from .stage import Stage
 
 _ROWS = 10  # by which a command may follow
-_SHARE, _SURE = 0.02, 60.0  # of the innovations, that commands behind them tell, and the same in
-# twice the log-likelihood, from which on a controller answers
-_MORE = 10.0  # times what the commands before tell, which a wrong model leaves: open loops with
-# structure left had 0.5 to 3.8 times that, closed ones 39 to 1000
+_SURE = 60.0  # twice the log-likelihood that commands behind the innovations tell, from which on
+# a controller may answer
+_ANSWERS = ((0.02, 10.0), (0.1, 3.0))  # share of the innovations that they tell, and times what the
+# commands before tell, which a wrong model leaves: open loops with structure left had up to 0.07
+# and 3, closed ones from 0.05 and 39, or 0.16 and 4.4 on
 _JUMP = 4.0  # usual steps, beyond which one counts as no more: set-points jump
+
+
+def is_answered(stage: Stage, fit: Refit) -> bool:
+    """Whether a controller answers what a fit leaves."""
+    white = whiten(residual(stage, fit.y)[None], fit.colour[None])[0]
+    return answered(stage.u, white, stage.mask, fit.colour.size)
 
 
 def answered(
@@ -41,8 +50,8 @@ def answered(
     news = np.clip(news, -_JUMP * usual, _JUMP * usual)
     told = [_told(news, innovations, mask, k) for k in range(-_ROWS, _ROWS + 1)]
     before, behind = sum(told[:_ROWS]), sum(told[_ROWS:])
-    sure = behind > _SHARE and behind * mask.sum() > _SURE
-    return sure and behind > _MORE * before
+    plain = any(behind > share and behind > more * before for share, more in _ANSWERS)
+    return bool(plain and behind * mask.sum() > _SURE)
 
 
 def _told(news, innovations, mask, later: int) -> float:

@@ -17,8 +17,8 @@ MARGIN = 7.5
 it the truth stands in the set in 99.7 % of cases."""
 FEW = 50
 """Samples, of which more must be held out to judge by."""
-_LINEAR = ("transport_delay", "resonance", "offset", "periodic_disturbance")  # which poles and zeros
-# can imitate
+_LINEAR = ("transport_delay", "resonance", "offset", "periodic_disturbance")
+"""Causes that poles and zeros can imitate."""
 _BROKEN = 1.5  # times the squared error of the plain plant, from which a model is of no use
 
 

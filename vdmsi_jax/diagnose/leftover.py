@@ -24,7 +24,7 @@ from .families import (
     of_plant,
     weighed,
 )
-from .feedback import answered
+from .feedback import is_answered
 from .found import Finding, Search
 from .heading import by_heading
 from .hypothesis import Refit, responses
@@ -224,7 +224,7 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     needs = demands(stage.u, final.y, stage.mask | stage.held_out, stage.dt)
     moves = moving(np.asarray(stage.signals.v), stage.mask | stage.held_out)
     known = stage.noise.slow
-    loaded = answered(stage.u, white, stage.mask, final.colour.size)
+    loaded = is_answered(stage, final)
     if loaded:  # what is asked goes with the error, and not the other way round
         needs = needs[:0]
     about = spec.output, e, white, stage.y, needs, masks, stage.dt

@@ -25,6 +25,7 @@ _NO_WIND, _NO_EVEN_WIND = 0.08, 0.16  # the same, beyond which an error is no di
 # that nothing hints at being another thing: of clean exams up to 0.06 and, even ones, 0.14; of what
 # the library lacks 0.09 to 0.33
 _NO_LOAD = 0.5  # the same of one that a controller answers
+_DROWNED = 0.2  # share of a channel's error, below which a cause beside such a load is minor
 _BY_STATES = 0.15  # share of a channel's error, that some function of states takes beside a cause
 # that stands in for it: beside right names up to 0.12, beside wrong ones 0.06 to 0.27
 _OF_STATES = (
@@ -82,6 +83,12 @@ class Remains:
             return False
         by_states = _largest(u for u in self.found if u.test == f"{OF_STATES} would explain it")
         return by_states.get(channel, 0.0) * (1.0 - share) > _BY_STATES
+
+    def drowns(self, channel: str, share: float) -> bool:
+        """Whether most of what is left of a channel is a load that a controller answers, beside
+        which a cause takes so small a `share` that it may tell what the commands know of it."""
+        loads = _largest(u for u in self.found if u.answered)
+        return loads.get(channel, 0.0) > _SETTLED and share < _DROWNED
 
     @cached_property
     def disturbed(self) -> dict[str, float]:

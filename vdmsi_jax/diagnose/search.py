@@ -10,6 +10,7 @@ import numpy as np
 from . import swing
 from .baseline import baselines, order_of
 from .disturbance import IMITATORS
+from .feedback import is_answered
 from .found import FEW, Failed, Finding, Search
 from .hypothesis import Refit
 from .judge import Scored, confirmed, gain_of
@@ -70,12 +71,14 @@ def search(stage: Stage) -> Search:
 
 def _lasts(found: Search) -> bool:
     """Whether the model leaves an error that is large beside the response and much larger than its
-    innovations: a colour that is estimated takes it for noise, whatever makes it."""
+    innovations: a colour that is estimated takes it for noise, whatever makes it. Not where a
+    controller answers it, whose commands tell it by themselves."""
     stage, error = found.stage, found.final.error(found.stage)
     if not isinstance(stage.noise, OwnNoise) or stage.held_out.sum() <= FEW:
         return False
     size = math.sqrt(error) / extent(stage.y[stage.mask])
-    return size > _LARGE and error > _LASTING * found.final.variance
+    lasts = size > _LARGE and error > _LASTING * found.final.variance
+    return lasts and not is_answered(stage, found.final)
 
 
 def _bears_out(found: Search, other: Search) -> bool:

@@ -4,7 +4,7 @@ a phase of its own, which is told by that run as its start is."""
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float
+from jaxtyping import Bool, Float, Inexact
 
 from .stage import Stage
 
@@ -19,7 +19,7 @@ def number_of(stage: Stage, active: Sequence[int]) -> int | None:
     return next((k for k in active if stage.slots[k].cause == CAUSE), None)
 
 
-def goes_on(stage: Stage, poles: Complex[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+def goes_on(stage: Stage, poles: Inexact[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
     """Which poles of a plant, in its unit of frequency, are of a mode that swings on through the
     runs: what it tells is a periodic disturbance, by the states at the starts."""
     turned = poles * stage.pace * stage.dt * stage.u.shape[1]

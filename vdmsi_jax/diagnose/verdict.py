@@ -115,14 +115,14 @@ class Evidence:
                 trial = self._trial(cause, less)
                 told = _or_else(cause, [c for c, _ in weighing.of_its_kind(cause, trials)])
             found = self._finding(told, trial, road, less, alone=len(trials) == 1)
+            channel, share = trial.gain.channel, max(found.share, trial.gain.typical)
             puzzle = _doubt(remains.puzzles, cause, trial)
             disturbance = _doubt(remains.disturbed, cause, trial)
             small = (
                 weighing.minor(cause, trial, found, puzzle, disturbance, leads, trials)
                 or any(f in (cause.finding, cause.body) for f in remains.outdone)
-                or remains.outdoes(
-                    found.cause, trial.gain.channel, max(found.share, trial.gain.typical)
-                )
+                or remains.outdoes(found.cause, channel, share)
+                or remains.drowns(channel, share)
                 or (cause.where == "sensor" and cause.channel in remains.dropping)
             )
             (minor if small else findings).append(found)
