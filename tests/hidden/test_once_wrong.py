@@ -22,6 +22,7 @@ def line_of(word: str, where: str, seed: int) -> dict:
         ("transport_delay", "plant", 5013, "the command rested where data were held out"),
         ("saturation", "powertrain", 5047, "the limit was only tried in a larger plant"),
         ("rate_limit", "steering", 5067, "a slow error of the speed had drawn hills"),
+        ("coulomb_friction", "plant", 5089, "it had been a play of the command alone"),
     ],
 )
 def test_a_cause_is_among_those_told_and_nothing_else_is(word, where, seed, why):
