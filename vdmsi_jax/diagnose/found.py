@@ -7,10 +7,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ..config import PlantSpec
+from .disguise import backward
 from .hypothesis import Refit
 from .screen import Candidate
 from .stage import Stage
-from .starts import backward
 
 MARGIN = 7.5
 """Two explanations whose log-likelihoods differ by less than half of this are not told apart: with

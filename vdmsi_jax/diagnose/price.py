@@ -6,9 +6,9 @@ import numpy as np
 
 from ..effects.periodic_disturbance import PeriodicDisturbance
 from . import swing
+from .disguise import backward, lingers
 from .hypothesis import GROWTH, Hypothesis, Refit, growth
 from .stage import Slot, Stage
-from .starts import backward, lingers
 
 # What causes gain on drives without any stands in docs/calibration, by tests/hidden/calibrate.py.
 ORDER_COST = 10.0  # of each coefficient of the plant, in twice the log-likelihood

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from . import swing
 from .baseline import order_of
+from .disguise import all_pole, backward, stilled
 from .found import Finding
 from .hypothesis import Hypothesis, Refit
 from .outcome import steadiness
@@ -13,7 +14,7 @@ from .refit import refit
 from .screen import RAGGED, leading, screen
 from .selection import joined, without
 from .stage import Slot, Stage
-from .starts import all_pole, backward, reduced, stilled
+from .starts import reduced
 
 _APART = 1.7  # standard errors over blocks, from which two causes are told apart
 _CLOSE, _FORM, _FAR = 15.0, 0.1, 50.0  # lack, the same as a share of the gain, and lack again, up

@@ -9,6 +9,7 @@ import numpy as np
 
 from . import swing
 from .baseline import baselines, order_of
+from .disguise import stilled
 from .disturbance import IMITATORS
 from .feedback import is_answered
 from .found import FEW, Failed, Finding, Search
@@ -22,7 +23,7 @@ from .rivals import findings_of, worths
 from .screen import acts_in_steps
 from .selection import cleared, climbed, eliminate, rings_rather
 from .stage import Stage
-from .starts import hilly, stilled
+from .starts import hilly
 from .unexplained import extent
 
 SWAPS = 3

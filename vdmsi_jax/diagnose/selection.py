@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from .baseline import best_of_each, closest, grown, order_of
+from .disguise import backward, levelled, shifted, waiting
 from .hypothesis import Hypothesis, Refit
 from .lanes import FIRST_CAUSE, LEADS, POLES
 from .outcome import steadiness
@@ -16,20 +17,16 @@ from .refit import refit
 from .screen import Candidate, leading, screen
 from .stage import Stage
 from .starts import (
-    backward,
     bent,
     delayed,
     dragged,
     late,
-    levelled,
     mirrored,
     nested,
     pulled_back,
     ringing,
     scanned,
-    shifted,
     stuck,
-    waiting,
 )
 
 _REFITTED = 7  # causes of a screen that are refitted

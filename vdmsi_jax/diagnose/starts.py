@@ -6,21 +6,17 @@ from dataclasses import replace
 import numpy as np
 
 from ..effects import AbstractEffect, Scales
-from . import swing
 from .hypothesis import Hypothesis, Refit
 from .lanes import FEED, NUMERATOR, POLES
 from .stage import Stage
 
 _STATIC = ("saturation", "dead_zone", "gain_nonlinearity", "gain_asymmetry")
 _TWO_SIDED = ("saturation", "rate_limit")
-_BEHIND = ((2, 0), (2, 1), (3, 1), (3, 2))  # orders that may lie behind a delay
 _TIMES = 48  # moments that are tried
 _SMALLEST, _WIDEST = 0.02, 0.25  # steps that are tried, of the command's range
 _PACES = (1.0, 2.0, 5.0)  # of a plant beside a delay, which had told it by a slower pole
 _DELAYS, _LONGEST, _NEARLY = 16, 0.1, 2.0  # how many are tried, up to which share of the longest
 # run, and how much more than the least error others may leave
-_LINGERS = 2.5  # over the length of the runs, the fastest pole that may tell an offset by its start
-_LEVEL = 0.05  # of the response, by which it is tried to be off
 _DRAGGED, _DRAG = ((1, 0), (2, 0)), (0.35, 0.7)  # plants, and shares of their damping
 _STUCK_PACES, _STUCK_DAMPINGS, _STUCK = (1.0, 2.0, 4.0), (0.3, 1.0), (0.0, 0.01, 0.03, 0.1)
 _STICKS = 0.9  # of the error without friction, below which plants with it are begun from
@@ -81,14 +77,12 @@ def reduced(stage: Stage, h: Hypothesis, order: tuple[int, int]) -> Hypothesis:
     return _reduced(stage, h, order)[0]
 
 
-def _number(stage: Stage, cause: str) -> int:
+def number_of(stage: Stage, cause: str) -> int:
     """Of the first effect that is this cause."""
     return next(i for i, slot in enumerate(stage.slots) if slot.cause == cause)
 
 
-def _added(
-    stage: Stage, h: Hypothesis, number: int, value: float | tuple[float, ...]
-) -> Hypothesis:
+def added(stage: Stage, h: Hypothesis, number: int, value: float | tuple[float, ...]) -> Hypothesis:
     """The same with one cause more, its parameters at a value, or each at its own."""
     theta = h.theta.copy()
     theta[list(stage.slots[number].index)] = value
@@ -101,87 +95,16 @@ def late(stage: Stage, plain: Refit, order: tuple[int, int]) -> Iterable[Hypothe
     if order[0] > plain.hypothesis.poles or order[1] > plain.hypothesis.zeros:
         return
     h, delay = _reduced(stage, plain.hypothesis, order)
-    number = _number(stage, "transport_delay")
+    number = number_of(stage, "transport_delay")
     yield h
     if number not in h.active:
-        yield _added(stage, h, number, max(delay, 0.5 * stage.dt))
-
-
-def backward(h: Hypothesis) -> np.ndarray:
-    """Zeros of a plant in the right half plane, in its unit of frequency."""
-    zeros = np.roots(h.num)
-    return zeros[zeros.real > 0.0]
-
-
-def lingers(stage: Stage, h: Hypothesis) -> bool:
-    """Whether a pole that outlasts the better part of the runs has a zero beside it, so that the
-    command hardly moves it: what it tells is an offset of each run, as the state at its start."""
-    once = 1.0 / (stage.u.shape[1] * stage.dt * stage.pace)
-    poles, zeros = np.roots(h.den), np.roots(h.num)
-    near = np.abs(poles[:, None] - zeros) < once
-    return bool(np.any(near & (np.abs(poles) < _LINGERS * once)[:, None]))
-
-
-def levelled(stage: Stage, h: Hypothesis) -> list[Hypothesis]:
-    """The same with an offset, up or down, for a mode that lingers and its zero."""
-    number = _number(stage, "offset")
-    if not lingers(stage, h) or number in h.active:
-        return []
-    poles, zeros, level = np.roots(h.den), np.roots(h.num), h.num[-1] / h.den[-1]
-    slow, near = np.argmin(np.abs(poles)), np.argmin(np.abs(zeros))
-    if poles[slow].imag != 0.0 or zeros[near].imag != 0.0:
-        return []
-    den = np.real(np.poly(np.delete(poles, slow)))
-    num = np.atleast_1d(np.real(np.poly(np.delete(zeros, near))))
-    bare = plant(h, stage, den, num * level * den[-1] / num[-1])
-    size = _LEVEL * stage.scales.response
-    return [_added(stage, bare, number, bias) for bias in (-size, size)]
-
-
-def shifted(
-    stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]
-) -> Iterable[Hypothesis]:
-    """Plants with an offset for one that tells it by a mode that lingers."""
-    if not lingers(stage, plain.hypothesis):
-        return
-    number = _number(stage, "offset")
-    for h in (f.hypothesis for f in grid.values() if not lingers(stage, f.hypothesis)):
-        yield _added(stage, h, number, 0.01 * stage.scales.response)
-
-
-def all_pole(stage: Stage, h: Hypothesis) -> Hypothesis:
-    """The same without zeros: what a delay is worth shows beside a plant that cannot tell it."""
-    return plant(h, stage, h.den, h.num[-1:])
-
-
-def stilled(stage: Stage, h: Hypothesis) -> Hypothesis:
-    """The same without modes that swing on: what a periodic disturbance is worth shows beside a
-    plant that cannot tell it."""
-    poles = np.roots(h.den)
-    den = np.real(np.poly(poles[~swing.goes_on(stage, poles)]))
-    if len(den) in (1, len(h.den)):
-        return h
-    return plant(h, stage, den, h.num[-1:] * den[-1] / h.den[-1])
-
-
-def waiting(
-    stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]
-) -> Iterable[Hypothesis]:
-    """Plants with a delay for one that tells it by zeros in the right half plane. A Pade
-    approximation has twice the delay that its zeros amount to, and a low one falls short of it."""
-    amounts = float(np.sum(np.real(1.0 / backward(plain.hypothesis)))) / stage.pace
-    if amounts <= 0.0:
-        return
-    number = _number(stage, "transport_delay")
-    for order in [o for o in _BEHIND if o in grid]:
-        for factor in (1.0, 2.0):
-            yield _added(stage, grid[order].hypothesis, number, factor * amounts)
+        yield added(stage, h, number, max(delay, 0.5 * stage.dt))
 
 
 def delayed(stage: Stage, first: Refit) -> list[Hypothesis]:
     """Plants of one pole, slow to fast, each with the delay that explains the response itself best,
     the gain by least squares: a long delay has many optima beside it."""
-    number = _number(stage, "transport_delay")
+    number = number_of(stage, "transport_delay")
     if number not in stage.allowed:
         return []
     longest = _LONGEST * stage.u.shape[1] * stage.dt
@@ -201,7 +124,7 @@ def ringing(stage: Stage, plain: Refit) -> list[Hypothesis]:
     resonance."""
     h = plain.hypothesis
     poles, zeros, level = np.roots(h.den), np.roots(h.num), h.num[-1] / h.den[-1]
-    number = _number(stage, "resonance")
+    number = number_of(stage, "resonance")
     made = []
     for p in poles[(poles.imag > 0) & (-poles.real < 0.4 * np.abs(poles)) & (poles.real < 0)]:
         kept = poles[(np.abs(poles - p) > 1e-9) & (np.abs(poles - np.conj(p)) > 1e-9)]
@@ -218,7 +141,7 @@ def ringing(stage: Stage, plain: Refit) -> list[Hypothesis]:
             if num[-1] == 0.0:
                 continue
             start = plant(h, stage, den, num * level * den[-1] / num[-1])
-            made += [_added(stage, start, number, (*mode, *share)) for share in shares]
+            made += [added(stage, start, number, (*mode, *share)) for share in shares]
     return made
 
 
@@ -310,10 +233,10 @@ def pulled_back(stage: Stage, now: Refit) -> list[Hypothesis]:
 
 def hilly(stage: Stage, h: Hypothesis) -> list[Hypothesis]:
     """The same with hills, next to level ones, where there may be any."""
-    number = _number(stage, "road_grade")
+    number = number_of(stage, "road_grade")
     if number in h.active or number not in stage.allowed:
         return []
-    return [_added(stage, h, number, 1e-4)]
+    return [added(stage, h, number, 1e-4)]
 
 
 def plant(h: Hypothesis, stage: Stage, den: np.ndarray, num: np.ndarray) -> Hypothesis:

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..config import PlantSpec
+from .disguise import backward
 from .found import Search, output_of
 from .judge import NEARLY_ALL, Trial
 from .naming import Named
 from .noise import BriefNoise
 from .result import ChannelScore, Finding, Gain
 from .runs import Runs
-from .starts import backward
 
 MINOR = 0.03
 """Share of the held-out squared error of its channel, with no cause or with all others, below which
