@@ -36,7 +36,7 @@ def by_heading(
         return []
     plain = np.stack([np.ones_like(forward), forward, turned, forward * turned])
     waves = forward * np.stack([np.sin(psi), np.cos(psi), np.sin(2.0 * psi), np.cos(2.0 * psi)])
-    shares, left = [], []
+    left = []
     for X in (plain, np.concatenate([plain, waves])):
         weights = np.linalg.lstsq(X[:, masks[0]].T, aside[masks[0]], rcond=None)[0]
         left.append(aside - np.tensordot(weights, X, 1))

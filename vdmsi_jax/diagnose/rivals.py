@@ -103,11 +103,11 @@ def findings_of(
             (k, lack(stage, final, f)) for k, f in best.items() if stage.slots[k].cause != own.cause
         ]
         rivals = sorted(rivals, key=lambda pair: pair[1])[:_RIVALS]
-        near = [k for k, lacks in rivals if _near(own.cause, stage.slots[k].cause, lacks, gain)]
         alike = [
             k
-            for k in near
-            if _of_command(own, stage.slots[k], dict(rivals)[k], gain)
+            for k, lacks in rivals
+            if _near(own.cause, stage.slots[k].cause, lacks, gain)
+            if _of_command(own, stage.slots[k], lacks, gain)
             or steadiness(stage, best[k], final) < _apart(own.cause, stage.slots[k].cause)
         ]
         if own.cause == "saturation" and not _reaches(stage, final, number):
