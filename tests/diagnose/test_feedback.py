@@ -98,9 +98,11 @@ def test_a_planned_command_follows_nothing_whatever_is_left(smooth, play):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("smooth", "inside"), [(False, False), (True, False), (False, True)])
-def test_a_load_that_a_controller_answers_is_no_structure(smooth, inside):
-    found = vj.diagnose(records(*controlled(3, smooth=smooth, inside=inside)))
+@pytest.mark.parametrize(
+    "how", [{}, {"smooth": True}, {"inside": True}, {"load": 1.0}], ids=lambda how: "+".join(how)
+)
+def test_a_load_that_a_controller_answers_is_no_structure(how):
+    found = vj.diagnose(records(*controlled(3, **how)))
 
     assert found.verdict == "no_effect"
     plant = found.model.plants["drive"].baseline

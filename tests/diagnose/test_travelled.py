@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
+import vdmsi_jax as vj
 from vdmsi_jax.diagnose.travelled import line_over
 
 DT, ROWS = 0.01, 4000
@@ -58,3 +60,29 @@ def test_detents_are_told_by_how_far_they_are_apart():
 )
 def test_what_bends_with_the_place_has_no_detents(error):
     assert place(error) is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shake", [0.0, 0.01])
+def test_a_wheel_out_of_balance_shakes_the_steering_once_a_turn(shake):
+    rng, dt, fine, rows = np.random.default_rng(5), 0.02, 20, 2500
+    h, n, noisy = dt / fine, rows * fine, 0.003
+    records = []
+    for run in range(3):
+        u = np.repeat(rng.uniform(2.0, 6.0, 10), n // 10)
+        w = np.repeat(rng.uniform(-0.2, 0.2, 50), n // 50)
+        v, delta = (lfilter([h / lag], [1.0, h / lag - 1.0], x) for lag, x in ((0.5, u), (0.1, w)))
+        turned = np.cumsum(v) * h / 0.3 + rng.uniform(0.0, 6.0)
+        delta = delta + shake * (v / 4.0) ** 2 * np.sin(turned)
+        u, w, v, delta = (x[::fine] for x in (u, w, v, delta))
+        v, delta = v + 0.02 * rng.standard_normal(rows), delta + noisy * rng.standard_normal(rows)
+        log = {"v_cmd": u, "delta_cmd": w, "v": v, "delta": delta}
+        car = vj.VehicleGeometry(l_f=1.2, l_r=1.4)
+        records.append(vj.Record.from_arrays(dt=dt, name=f"run_{run}", vehicle=car, **log))
+
+    found = vj.diagnose(records)
+
+    assert found.findings == ()
+    told = [u for u in found.unexplained if u.channel == "delta"]
+    assert bool(told) == (shake > 0.0)
+    assert not told or "1.88 m of way" in told[0].test

@@ -282,26 +282,26 @@ def _of_the_way(
     steps: Sequence[float],
 ) -> list[Unexplained]:
     """What repeats with the way, which is the integral of the response: that of a speed. Or with
-    the place, which is the response itself: that of a position, unless it is logged in such
-    steps."""
+    the way of the vehicle, or with the place, which is the response itself: that of a position,
+    unless it is logged in such steps."""
     use = stage.mask | stage.held_out
+    along = np.cumsum(response, axis=1) * stage.dt
     unit = "m of way" if channel == "v" else f"of the integral of {channel}"
-    line, on = (
-        line_over(np.cumsum(response, axis=1) * stage.dt, e, white, use, stage.dt),
-        "integral",
-    )
-    if line is None:
-        line, on = line_over(response, e, white, use, stage.dt, place=True), ""
-        unit = f"of {channel}"
+    ways = [(along, f"integral of {channel}", unit, False)]
+    travelled = np.asarray(stage.signals.distance)
+    if channel != "v" and np.ptp(travelled) > 0.0:  # a wheel out of balance shakes the steering
+        ways.append((travelled, "way", "m of way", False))
+    ways.append((response, channel, f"of {channel}", True))
+    lines = ((line_over(x, e, white, use, stage.dt, place), *told) for x, *told, place in ways)
+    line, on, unit = next((one for one in lines if one[0] is not None), (None, "", ""))
     if line is None or any(abs(line.period - step) < _STEP * step for step in steps):
         return []
     words = f"it repeats every {line.period:.3g} {unit}"
-    depends = (f"{on} of {channel}" if on else channel,)
     size = float(np.sqrt(line.share * np.mean(e[use] ** 2))) / extent(stage.y[use])
     if size < SMALL:
         words += f"; {100.0 * size:.1f} % of the response's spread"
-        return [Unexplained(channel, line.share, depends, (), words, size=size)]
-    return [Unexplained(channel, line.share, depends, (), words, puzzling=line.share > _PUZZLING)]
+        return [Unexplained(channel, line.share, (on,), (), words, size=size)]
+    return [Unexplained(channel, line.share, (on,), (), words, puzzling=line.share > _PUZZLING)]
 
 
 def asked(
