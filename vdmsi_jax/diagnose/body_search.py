@@ -221,7 +221,7 @@ def _timed(body: Body, now: BodyFit) -> list[tuple[tuple[int, ...], np.ndarray]]
     where that is better than without."""
     starts = []
     for k in body.allowed:
-        if not _may_join(k, now) or CAUSES[k].names[0] not in _TIMES:
+        if not may_join(k, now) or CAUSES[k].names[0] not in _TIMES:
             continue
         thetas = np.repeat(now.theta[None], len(_LATE), axis=0)
         thetas[:, body.index[k][0]] = np.array(_LATE) / _seconds(body, k)
@@ -242,7 +242,7 @@ def _eliminated(body: Body, now: BodyFit) -> BodyFit:
     return now
 
 
-def _may_join(number: int, at: BodyFit) -> bool:
+def may_join(number: int, at: BodyFit) -> bool:
     """Whether a cause is not on, nor another form of one that is: a vehicle has one offset, and a
     sensor is late by a lag or by a delay."""
     late = [CAUSES[k].channel for k in at.active if CAUSES[k].cause in _LAGGING]
@@ -258,7 +258,7 @@ def screen_body(body: Body, at: BodyFit) -> list[tuple[float, int, np.ndarray]]:
     low, high = bounds(body)
     inner = [i for i in body.nuisance if low[i] < lane.theta[i] < high[i]]
     kept = [*inner, *(i for i in lane.free if i not in body.nuisance)]
-    causes = [k for k in body.allowed if _may_join(k, at)]
+    causes = [k for k in body.allowed if may_join(k, at)]
     free = [*kept, *(i for k in causes for i in body.index[k])]
     columns = dict(zip(free, slopes(body, [lane], [free])[0], strict=True))
     found = []

@@ -18,7 +18,8 @@ from .stage import Stage
 SURE = 32.0
 """Non-centrality at which a cause is found in about half of logs; 49 makes 95 %."""
 
-_ALIKE = 0.95
+ALIKE = 0.95
+"""Cosine of two effects above which they look alike."""
 _LADDER = (0.25, 0.35, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.2, 1.5, 2.0)
 _TOLD_BY = {"resonance": "share", "regime_change": "gain", swing.CAUSE: "sine"}
 
@@ -56,7 +57,7 @@ def detectable(stage: Stage, at: Refit, units: tuple[str, str]) -> list[Detectab
         inverse = slot.known[main].shown == "inverse"
         if inverse:
             smallest = 1.0 / smallest if np.isfinite(smallest) and smallest > 0 else np.inf
-        others = [stage.slots[off[j]].cause for j in np.flatnonzero(cosines[k] > _ALIKE)]
+        others = [stage.slots[off[j]].cause for j in np.flatnonzero(cosines[k] > ALIKE)]
         names = tuple(dict.fromkeys(o for o in others if visible and o != slot.cause))
         hint = better(slot.cause, names) if names or not visible else ""
         name = "amplitude" if slot.cause == swing.CAUSE else slot.names[main]

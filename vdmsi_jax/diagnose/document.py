@@ -187,4 +187,5 @@ def _detectable(cause: Detectable) -> dict[str, Any]:
         "excited": math.isfinite(cause.smallest),
         "inseparable": list(cause.inseparable),
         "manoeuvre": cause.manoeuvre,
+        "channel": cause.channel,
     }

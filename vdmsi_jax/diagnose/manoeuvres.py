@@ -132,7 +132,10 @@ def better(cause: str, alike: Sequence[str]) -> str:
     for other in alike:
         if frozenset({cause, other}) in pairs:
             return pairs[frozenset({cause, other})]
-    if cause in ("transport_delay", "resonance", "rate_limit", "coulomb_friction", "backlash"):
+    if cause == "understeer":
+        return "constant steering with a speed ramp"
+    quick = "transport_delay", "resonance", "rate_limit", "coulomb_friction", "backlash"
+    if cause in (*quick, "sensor_lag", "sensor_delay", "tyre_relaxation", "yaw_inertia"):
         return "a chirp of 0.1 to 6 Hz"
     if cause in ("dead_zone", "gain_nonlinearity", "saturation", "gain_asymmetry", "quantization"):
         return "a sine whose amplitude grows over the whole range of both signs"

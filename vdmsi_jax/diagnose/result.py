@@ -208,6 +208,7 @@ class Detectable:
         unit: of the size.
         inseparable: causes whose effects look alike in these logs (cosine above 0.95).
         manoeuvre: what to drive to see it better or to tell it apart; empty if nothing is open.
+        channel: of a sensor.
     """
 
     cause: str
@@ -217,6 +218,7 @@ class Detectable:
     unit: str
     inseparable: tuple[str, ...] = ()
     manoeuvre: str = ""
+    channel: str | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ from ..config import PlantSpec
 from ..data.record import Record
 from .angle import steering_angle
 from .body import ASKEW, CAUSES, CHANNELS
+from .body_detectability import detectable_in_body
 from .body_search import BodySearch, at_fixed, chained
 from .budget import of_channel, of_path
 from .channels import channel_scores, responses, units_of
@@ -23,7 +24,7 @@ from .manoeuvres import separate
 from .naming import Named, merged, of_body, of_stage, of_yaw_rate, with_form
 from .refit import refit
 from .remains import Remains, unexplained
-from .result import Diagnosis, Finding, Rival, Unexplained
+from .result import Detectable, Diagnosis, Finding, Rival, Unexplained
 from .road import Road
 from .rounding import COARSE, quantised, tells_rounding
 from .runs import Runs
@@ -82,11 +83,7 @@ class Evidence:
             extended=extended,
             ate=None if road is None else road.ate(),
             budget=tuple(self._budget([cause for cause, _ in sure], road)),
-            detectable=tuple(
-                d
-                for spec, found in self.searches.items()
-                for d in detectable(found.stage, found.final, units_of(self.records, spec))
-            ),
+            detectable=self._detectable(),
             unseen=self.unseen,
             responses=tuple(responses(self.records, *models)),
             paths=() if road is None else tuple(road.paths()),
@@ -95,6 +92,13 @@ class Evidence:
             summary="",
         )
         return replace(told, summary=summary(told))
+
+    def _detectable(self) -> tuple[Detectable, ...]:
+        """What the logs would have shown, of the actuators and of the body."""
+        sizes: list[Detectable] = []
+        for spec, found in self.searches.items():
+            sizes += detectable(found.stage, found.final, units_of(self.records, spec))
+        return (*sizes, *([] if self.bodily is None else detectable_in_body(self.bodily)))
 
     def _weighed(
         self,

@@ -362,7 +362,7 @@ def _detectable(d: Diagnosis) -> list[Block]:
     rows = [
         [
             in_words(cause.cause),
-            cause.where,
+            f"{cause.channel} {cause.where}" if cause.channel else cause.where,
             cause.parameter.replace("_", " "),
             with_unit(cause.smallest, cause.unit, 2)
             if math.isfinite(cause.smallest)
@@ -391,7 +391,7 @@ def _drive_next(d: Diagnosis) -> Block:
             reasons.setdefault(finding.separating_experiment, []).append(f"to tell {alike}")
     for cause in d.detectable:
         if cause.manoeuvre:
-            text = f"{in_words(cause.cause)} ({cause.where})"
+            text = f"{in_words(cause.cause)} ({cause.channel or cause.where})"
             reasons.setdefault(cause.manoeuvre, []).append(text)
     if not reasons:
         return Text("Nothing is open that a manoeuvre of the catalogue would settle.")
