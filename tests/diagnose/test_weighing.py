@@ -179,6 +179,22 @@ def test_a_rounding_inside_of_what_is_logged_in_such_steps_is_that(step, same):
     assert not tells_rounding(replace(rounding, cause="dead_zone"), trial(0.5), rounded)
 
 
+@pytest.mark.parametrize(
+    ("gap", "form", "same"),
+    [
+        (0.06, "of the response", True),
+        (0.1, "of the response", False),
+        (0.06, "of the command", False),
+    ],
+)
+def test_a_play_narrower_than_the_steps_of_what_is_logged_is_their_rounding(gap, form, same):
+    y = 0.08 * np.round(np.sin(np.linspace(0.0, 9.0, 400)) / 0.08)
+    record = Record.from_arrays(dt=0.05, name="run", plants=(SPEC,), u=y, y=y)
+    rounded = quantised([record], {"y": replace(SCORE, mse=0.08**2 / 12.0)})
+    play = replace(named("backlash"), form=form, parameters={"gap": Estimate(gap, 0.001, "1")})
+    assert tells_rounding(play, trial(0.5), rounded) is same
+
+
 def test_a_cause_of_the_body_that_is_next_to_nothing_of_its_channel_s_error_is_minor():
     """Of a yaw rate that understeer had spoilt: a wheelbase that is off by a per cent."""
     weighing = replace(WEIGHING, baseline={"y": replace(SCORE, mse=3.0)})
@@ -293,6 +309,27 @@ def test_a_line_is_one_where_what_wanders_beside_it_is_less(cause, disturbance):
     told = replace(told, parameters={"frequency": Estimate(0.5, 0.001, "Hz")})
     minor = WEIGHING.minor(line, trial, told, 0.0, disturbance, False, [(line, trial)])
     assert minor is (cause == "periodic_disturbance" and disturbance == 0.9)
+
+
+@pytest.mark.parametrize(
+    ("cause", "size", "std", "minor"),
+    [
+        ("dead_zone", 4.6, 43.0, True),
+        ("dead_zone", 4.6, 4.3, False),  # which takes so much that blocks may disagree about it
+        ("resonance", -0.028, 0.034, True),
+        ("resonance", -0.056, 0.034, False),
+    ],
+)
+def test_a_cause_without_a_size_is_minor_whatever_it_takes(cause, size, std, minor):
+    named_so = named(cause)
+    trial, told = judged(named_so, 56.0, 87.0)
+    seen = {"half_width": Estimate(size, std, "m")}
+    if cause == "resonance":
+        seen = {"frequency": Estimate(1.8, 0.2, "Hz"), "damping": Estimate(0.07, 0.1, "1")}
+        seen |= {"weight": Estimate(size, std, "1")}
+    told = replace(told, cause=cause, parameters=seen)
+    tried = [(named_so, trial)]
+    assert WEIGHING.minor(named_so, trial, told, 0.0, 0.0, False, tried) is minor
 
 
 def test_of_what_only_brief_noise_shows_little_mends_what_takes_more():

@@ -25,7 +25,7 @@ _NO_WIND, _NO_EVEN_WIND = 0.08, 0.16  # the same, beyond which an error is no di
 # that nothing hints at being another thing: of clean exams up to 0.06 and, even ones, 0.14; of what
 # the library lacks 0.09 to 0.33
 _NO_LOAD = 1.0  # the same of one that a controller answers: a load may be all that moves a loop
-_DROWNED = 0.2  # share of a channel's error, below which a cause beside such a load is minor
+_DROWNED = 0.33  # share of a channel's error, below which a cause beside such a load is minor
 _BY_STATES = 0.15  # share of a channel's error, that some function of states takes beside a cause
 # that stands in for it: beside right names up to 0.12, beside wrong ones 0.06 to 0.27
 _OF_STATES = (

@@ -44,13 +44,15 @@ def quantised(records: Sequence[Record], scores: Mapping[str, ChannelScore]) -> 
 
 def tells_rounding(cause: Named, trial: Trial, rounded: Sequence[Finding]) -> bool:
     """Whether a quantization in the plant is that of its sensor, told once more, or an offset is
-    within half a step of it."""
+    within half a step of it, or a play of the response narrower than a step."""
     channels = {cause.channel, trial.gain.channel}
     steps = [f.parameters["step"].value for f in rounded if f.channel in channels]
     if cause.cause == "quantization":
         return any(_same_step(cause.parameters["step"].value, step) for step in steps)
     if cause.cause in ("offset", "sensor_bias"):
         return any(abs(cause.parameters["bias"].value) < 0.5 * step for step in steps)
+    if cause.cause == "backlash" and cause.form.startswith("of the response"):
+        return any(cause.parameters["gap"].value < step for step in steps)
     return False
 
 

@@ -1,6 +1,7 @@
 """One response to one command, with every cause that may act on it: the data of a search, and what
 a hypothesis about them answers."""
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -10,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ..data.noise import white_noise_std
 from ..effects import AbstractEffect, Scales, Signals
 from ..models.extended_plant import acts
 from ..parameters import Parameter, parameters
@@ -19,6 +21,7 @@ from .noise import Noise, OwnNoise
 
 MOST_LEAD = 30.0
 _START = 0.5  # s, in which a first measurement tells where a run began
+_STRAYS = 2.0  # standard deviations, by which squares about a mean may be larger
 _MOST_USUAL = 1e3  # sizes that a parameter usually has, beyond which none is looked for
 
 
@@ -231,9 +234,12 @@ class Stage:
     def level(self) -> Float[np.ndarray, " R"]:
         """Measured response at the start of each run, where the plant is taken to have rested; NaN
         where it was not measured there."""
-        known = (self.mask | self.held_out)[:, : max(1, round(_START / self.dt))]
-        first = np.argmax(known, axis=1)
-        return np.where(known.any(axis=1), self.y[np.arange(len(first)), first], np.nan)
+        first = max(1, round(_START / self.dt))
+        known = self.mask | self.held_out
+        return np.array([
+            _begins_at(row[use], int(use[:first].sum()))
+            for row, use in zip(self.y, known, strict=True)
+        ])  # fmt: skip
 
     @cached_property
     def late(self) -> Bool[np.ndarray, " R"]:
@@ -251,3 +257,19 @@ class Stage:
     def _by_substeps(self) -> tuple[Group, ...]:
         """The same at sub-steps."""
         return Group.all_of(Unravel(self.effects), self.signals, self.u, self.level)
+
+
+def _begins_at(y: Float[np.ndarray, " n"], most: int) -> float:
+    """Where a response begins: the mean of as many of its first samples, no more than `most`, as
+    rest to the noise, else the first. What sticks keeps the place where it begins, and a single
+    sample is off by all of its noise. NaN where there are none."""
+    if most == 0:
+        return np.nan
+    noise = white_noise_std([y])
+    for many in (1 << k for k in reversed(range(2, most.bit_length()))):
+        t, own = np.arange(many) - 0.5 * (many - 1), y[:many]
+        middle, slope = float(np.mean(own)), float(t @ own) / float(t @ t)
+        strays = noise**2 * (many - 1) * (1.0 + _STRAYS * math.sqrt(2.0 / (many - 1)))
+        if np.sum((own - middle) ** 2) <= strays and abs(slope) * math.sqrt(t @ t) <= noise:
+            return middle
+    return float(y[0])

@@ -126,7 +126,7 @@ class Evidence:
                 weighing.minor(cause, trial, found, puzzle, disturbance, leads, trials)
                 or any(f in (cause.finding, cause.body) for f in remains.outdone)
                 or remains.outdoes(found.cause, channel, share)
-                or remains.drowns(channel, share)
+                or remains.drowns(channel, found.share)
                 or (cause.where == "sensor" and cause.channel in remains.dropping)
             )
             (minor if small else findings).append(found)

@@ -30,6 +30,7 @@ _SLIGHT, _SLIGHT_POINTS = 60.0, 0.3  # twice the log-likelihood and FIT, below w
 _WEAK, _STRONG = 0.05, 0.5  # shares: below the first beside one above the second a cause is minor,
 _FAINT = 100.0  # and below twice the first, where twice its log-likelihood is below this
 _DOUBTFUL = 0.05  # share of a cause that makes the path no better, below which it is minor
+_NOTHING = 0.5  # standard errors, below which a parameter is nothing, whatever it takes
 _CLEAR, _FEW = 2.0, 3  # standard errors, below which a parameter may be nothing; of so many
 _PUZZLE = 0.1  # share of the error without a cause that must puzzle beside it, to doubt its name
 _PERIODS = 6.0  # in the longest run, of a periodic disturbance beside what nothing explains
@@ -135,7 +136,7 @@ class Weighing:
         imitated = trial.gain.typical <= 0.0 and self._imitated(cause, trial.gain)
         # the share of a delay is told against a plant without zeros, and says less
         doubted = share < _STRONG or cause.cause == "transport_delay"
-        vague = doubted and _vague(cause, found)
+        vague = (doubted and _vague(cause, found)) or _sizeless(found)
         mends = self._mends(cause, trial.gain, trials, leads)
         mends = mends or (share < _TAKEN and _by_brief_noise(cause) and self._beside(cause, trials))
         mends = mends or _of_a_bend(cause, trials)
@@ -284,6 +285,15 @@ def _shorter(gain: Gain) -> bool:
     if gain.ate_before is None or gain.ate_after is None:
         return False
     return gain.ate_after < (1.0 - _DOUBTFUL) * gain.ate_before
+
+
+def _sizeless(found: Finding) -> bool:
+    """Whether the size of a cause is lost in its standard error: of a mode its weight, since noise
+    has a frequency, too; of others every parameter."""
+    told = found.parameters
+    if found.cause == "resonance" and "weight" in told:
+        return abs(told["weight"].value) < told["weight"].std
+    return all(abs(e.value) < _NOTHING * e.std for e in told.values())
 
 
 def _vague(cause: Named, found: Finding) -> bool:
