@@ -85,9 +85,9 @@ def _actuator(whole, spec, causes: dict, kinds: dict):
     from vdmsi_jax.diagnose.baseline import baselines
     from vdmsi_jax.diagnose.families import weighed
     from vdmsi_jax.diagnose.found import Search
-    from vdmsi_jax.diagnose.leftover import asked
     from vdmsi_jax.diagnose.outcome import completed
     from vdmsi_jax.diagnose.price import score
+    from vdmsi_jax.diagnose.questions import asked
     from vdmsi_jax.diagnose.selection import climbed
 
     stage = whole.fitting
@@ -104,7 +104,7 @@ def _actuator(whole, spec, causes: dict, kinds: dict):
 def _vehicle(runs, body, plain, causes: dict, kinds: dict) -> None:
     """Adds what causes and kinds gain on the body."""
     from vdmsi_jax.diagnose.families import weighed
-    from vdmsi_jax.diagnose.leftover import asked_of_body
+    from vdmsi_jax.diagnose.questions import asked_of_body
 
     for label, gain, price in _of_body(body, plain):
         _most(causes, label, gain, price)

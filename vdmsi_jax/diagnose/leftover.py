@@ -7,37 +7,25 @@ from dataclasses import replace
 import numpy as np
 
 from ..config import PlantSpec
-from .angle import derived, steering_angle
 from .body import CAUSES, Body
 from .body_fit import BodyFit, residual
-from .body_search import BodyFinding, BodySearch
+from .body_search import BodySearch
 from .colour import whiten
 from .disturbance import IMITATORS, demands, moving, scores
-from .families import (
-    BY_DIRECTION,
-    PACE,
-    Explained,
-    Family,
-    better_than,
-    explained,
-    of_body,
-    of_plant,
-    weighed,
-)
+from .families import Explained, explained, weighed
 from .feedback import is_answered
-from .found import Finding, Search
+from .found import Search
 from .heading import by_heading
-from .hypothesis import Refit, responses
-from .judge import Scored
-from .lanes import LEADS
+from .questions import asked, asked_of_body, evenly_of
 from .result import Diagnosis, Unexplained
 from .runs import Runs
 from .search import FREE
-from .selection import without
 from .stage import Stage
+from .stand_ins import took
 from .travelled import line_over
 from .unexplained import (
     LARGE_HELD_OUT,
+    PUZZLING,
     SMALL,
     WORSE,
     beside_response,
@@ -47,26 +35,20 @@ from .unexplained import (
     slow_sizes,
     structure,
 )
-from .windows import thinned
 
 _STEP = 0.1  # by which what repeats with the place may differ from the step of a rounding
 _LOUD = 100.0  # of twice the log-likelihood, from which a cause that fails on other data is told
 _SEEN = 0.005  # of the squared error, from which on it is
-_PUZZLING = 0.2  # of it, from which on it casts doubt on what was found beside
 _ANOTHER = (
     2.5  # times the slow error on data fitted, from which on data held out are of another kind
 )
 _JUMPS = 10.0  # `disturbance.scores` of events, from which a pose surely jumps: clean drives of two
 # exams had up to 7.8, jumps of a satellite receiver 13
-_STILL = 0.3  # of what a cause does to a response, that it does at rest at the least
 _PEAKED = (
     10.0  # kurtosis of its innovations, from which half of it tells: clean drives had up to 5.8
 )
 _OF_A_KIND = 0.5  # of a slow error of the yaw rate, that a kind explains which is no wind then
 _NEXT_TO = 0.02  # of the time, that a change may lie before or behind a part
-_MANY = 30_000  # samples, beyond which kinds of error are asked by means of several
-
-Question = tuple[np.ndarray, np.ndarray, list[Family], np.ndarray, np.ndarray, float]
 
 
 def leftover(
@@ -119,99 +101,18 @@ def only_where_judged(found: Diagnosis, judging: Collection[str]) -> bool:
     return nothing_else and all(alone)
 
 
-def stand_ins(
-    runs: Runs, searches: Mapping[PlantSpec, Search], bodily: BodySearch | None
-) -> list[tuple[Finding | BodyFinding, Unexplained]]:
-    """Causes that were found, and that a kind of error without a name tells better."""
-    found = []
-    for spec, own in searches.items():
-        stage, evenly = own.stage, _evenly(runs, spec)
-        for finding in own.findings:
-            cause = stage.slots[finding.number].cause
-            kinds = weighed(*_by_name(asked(spec, stage, own.without(finding).y, evenly)))
-            better = better_than(cause, finding.gain, kinds)
-            if better is not None:
-                found.append((finding, _instead(spec.output, cause, better)))
-            elif pace := _pace(own, finding):
-                words = f"{pace} would explain it better than {cause}"
-                share = _took(stage, finding, own.final)
-                left = Unexplained(spec.output, share, (spec.output,), (), words, share > _PUZZLING)
-                found.append((finding, left))
-    if bodily is not None and "r" in bodily.body.measured:
-        answers = {
-            f: weighed(*_by_name(asked_of_body(runs, bodily.body, f.less))) for f in bodily.findings
-        }
-        for doubted in (False, True):
-            outdone = []
-            for finding, kinds in answers.items():
-                cause = CAUSES[finding.number].cause
-                better = better_than(cause, finding.gain, kinds, doubted=doubted)
-                if better is not None:
-                    outdone.append((finding, _instead("r", cause, better)))
-            if not outdone:
-                break
-            answers = {f: kinds for f, kinds in answers.items() if f not in dict(outdone)}
-            found += outdone
-    return found
-
-
-def _by_name(question: Question) -> Question:
-    """The same, of the kinds that have a name alone."""
-    e, linear, families, mask, held_out, dt = question
-    return e, linear, [f for f in families if f.causes is not None], mask, held_out, dt
-
-
-def _pace(own: Search, finding: Finding) -> str:
-    """What a cause stands in for where only the time that a plant takes is another, and no gain at
-    rest; empty else. A vehicle's drive pushes and brakes by different parts."""
-    slot = own.stage.slots[finding.number]
-    if slot.where == "plant" and getattr(slot.effect, "by", None) == "effort":
-        return BY_DIRECTION
-    return PACE if _moves_alone(own, finding) else ""
-
-
-def _moves_alone(own: Search, finding: Finding) -> bool:
-    """Whether a cause bends what pulls the response back only while that moves: where it rests, a
-    controller in the plant makes up for it, so that no characteristic is bent."""
-    stage, h = own.stage, own.final.hypothesis
-    if getattr(stage.slots[finding.number].effect, "by", None) not in ("stiffness", "power"):
-        return False
-    bare, at_rest = without(stage, h, finding.number), []
-    for known in (h, bare):
-        theta = known.theta.copy()
-        theta[list(LEADS)] = 0.0
-        at_rest.append(replace(known, theta=theta))
-    plain, *still = responses(stage, [bare, *at_rest])
-    rests, moves = (
-        float(np.std(x[stage.mask])) for x in (np.subtract(*still), own.final.y - plain)
-    )
-    return rests < _STILL * moves
-
-
-def _instead(channel: str, cause: str, better: Explained) -> Unexplained:
-    words = f"{better.family.words} would explain it better than {cause}"
-    on, share = better.family.depends_on, max(better.share, 0.0)
-    return Unexplained(channel, share, on, (), words, puzzling=share > _PUZZLING)
-
-
 def _broken(label: str, channel: str, fraction: float, size: float = math.inf) -> Unexplained:
     """A cause that explains what was fitted and fails on what was held out; told as small where all
     that it explains is that beside the response."""
     words = f"{label} would explain the data fitted, and fails on the data held out"
-    left = Unexplained(channel, fraction, ("run",), (), words, puzzling=fraction > _PUZZLING)
+    left = Unexplained(channel, fraction, ("run",), (), words, puzzling=fraction > PUZZLING)
     return replace(left, size=size) if size < SMALL else left
-
-
-def _took(stage: Stage, finding: Finding, final: Refit) -> float:
-    """Share of the squared error that a cause takes in a model where that was fitted."""
-    scored = Scored("", stage.y, finding.less.y, final.y, final.colour)
-    return max(scored.taken(stage.mask), 0.0)
 
 
 def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     stage, final = own.stage, own.final
     e = np.where(stage.mask | stage.held_out, stage.y - final.y, 0.0)
-    evenly = _evenly(runs, spec)
+    evenly = evenly_of(runs, spec)
     white = whiten(e[None], final.colour[None])[0] * evenly
     masks = (stage.mask, stage.held_out)
     causes = [stage.slots[finding.number].cause for finding in own.findings]
@@ -237,7 +138,7 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     for failed in own.failed:
         slot = stage.slots[failed.finding.number]
         label = f"{slot.cause} ({slot.where})"
-        fraction = _took(stage, failed.finding, failed.final)
+        fraction = took(stage, failed.finding, failed.final)
         if slot.cause in drawn or slot.cause in causes:  # of which another form is borne out
             continue
         if slot.weight < FREE and failed.finding.gain > _LOUD and fraction > _SEEN:
@@ -269,7 +170,7 @@ def _of_a_kind(
         words += f"; {100.0 * size:.1f} % of the response's spread"
     if known or size < SMALL:
         return [Unexplained(channel, kind.share, on, (), words, size=size, of_form=bool(known))]
-    puzzling = kind.share > _PUZZLING and not (causes and kind.by_fit_alone)
+    puzzling = kind.share > PUZZLING and not (causes and kind.by_fit_alone)
     return [Unexplained(channel, kind.share, on, (), words, puzzling=puzzling)]
 
 
@@ -301,48 +202,7 @@ def _of_the_way(
     if size < SMALL:
         words += f"; {100.0 * size:.1f} % of the response's spread"
         return [Unexplained(channel, line.share, (on,), (), words, size=size)]
-    return [Unexplained(channel, line.share, (on,), (), words, puzzling=line.share > _PUZZLING)]
-
-
-def asked(
-    spec: PlantSpec, stage: Stage, y: np.ndarray, evenly: np.ndarray | float = 1.0
-) -> Question:
-    """What to ask `families.weighed` about a plant whose model responds with `y`; `evenly` makes
-    its noise as large everywhere. The command is that of the row before, since a controller may
-    have made that of the row itself of the row's noise."""
-    e = np.where(stage.mask | stage.held_out, stage.y - y, 0.0) * evenly
-    given = np.concatenate([stage.u[:, :1], stage.u[:, :-1]], axis=1)
-    other, t = (np.asarray(x) for x in (stage.signals.other, stage.signals.t))
-    every = -(-e.size // _MANY)
-    weights = thinned(evenly * np.ones_like(e), every)
-    e, u, y, other, t, mask, held_out = (
-        thinned(x, every) for x in (e, given, y, other, t, stage.mask, stage.held_out)
-    )
-    dt = every * stage.dt
-    named, span = (spec.input, spec.output), stage.scales.time_constant
-    linear, families = of_plant(u, y, other, t, named, mask, dt, span)
-    return e, linear * weights, [f.times(weights) for f in families], mask, held_out, dt
-
-
-def asked_of_body(runs: Runs, body: Body, fit: BodyFit) -> Question:
-    """The same about the yaw rate of a body."""
-    masks = (body.mask["r"], body.held_out["r"])
-    e = residual(body, fit, "r", masks[0] | masks[1])
-    every = -(-e.size // _MANY)
-    e, v, delta, t, mask, held_out = (
-        thinned(x, every) for x in (e, body.v, body.delta, runs.time(), *masks)
-    )
-    return e, *of_body(v, delta, t, mask, every * body.dt), mask, held_out, every * body.dt
-
-
-def _evenly(runs: Runs, spec: PlantSpec) -> np.ndarray | float:
-    """What makes noise as large everywhere: an angle that was made of the yaw rate has that one's
-    noise over the speed."""
-    angle = steering_angle(runs) if spec.output == "delta" else None
-    if angle is None or not derived(runs, angle):
-        return 1.0
-    speed = np.where(angle[1], np.abs(runs.channel("v")), 0.0)
-    return speed / max(float(np.mean(speed[angle[1]])), 1e-300)
+    return [Unexplained(channel, line.share, (on,), (), words, puzzling=line.share > PUZZLING)]
 
 
 def _left(body: Body, final: BodyFit, channel: str) -> tuple[np.ndarray, np.ndarray]:

@@ -9,9 +9,10 @@ from ..config import PlantSpec
 from .body_search import BodySearch
 from .families import OF_STATES
 from .found import Search
-from .leftover import leftover, stand_ins
+from .leftover import leftover
 from .result import Unexplained
 from .runs import Runs
+from .stand_ins import stand_ins
 from .unexplained import BURSTS, SMALL
 
 _SERIOUS, _MOSTLY = 0.05, 0.3  # share of structure in a residual that is spoken of, and that weighs

@@ -25,6 +25,8 @@ _SHARP = (4.5, 1.6)  # of white windows: spreads of the logarithm of energy, and
 _BROAD = (8.0, 3.0)  # of coloured ones, whose energies differ more
 _KNOWN = (3.0, 1.6)  # of those where some are known to be
 _WORSE = 1.6  # innovations on data held out, beside those fitted; runs differ in noise by 1.5
+PUZZLING = 0.2
+"""Share of the squared error, from which on what is left casts doubt on what was found beside."""
 LARGE = 0.05
 """Slow error, of a response's spread, that is told where it was fitted."""
 LARGE_HELD_OUT = 0.08
