@@ -11,8 +11,7 @@ from jaxtyping import Float
 from .body import CAUSES
 from .body_fit import Lane, bounds, slopes
 from .body_search import BodySearch, may_join
-from .detectability import ALIKE, SURE
-from .manoeuvres import better
+from .detectability import ALIKE, SURE, open_about
 from .result import Detectable
 
 _HALVINGS = 30  # of the logarithm of the range in which a size is sought
@@ -50,8 +49,7 @@ def detectable_in_body(found: BodySearch) -> list[Detectable]:
     for i, (k, size) in enumerate(zip(causes, sizes, strict=True)):
         cause, seen = CAUSES[k], math.isfinite(size)
         others = [CAUSES[causes[j]].cause for j in np.flatnonzero(cosines[i] > ALIKE)]
-        names = tuple(dict.fromkeys(o for o in others if seen and o != cause.cause))
-        hint = better(cause.cause, names) if names or not seen else ""
+        names, hint = open_about(cause.cause, others, seen)
         first, unit = cause.names[0], cause.units[0]
         new = Detectable(cause.cause, cause.where, first, size, unit, names, hint, cause.channel)
         if cause.told not in best or size < best[cause.told].smallest:

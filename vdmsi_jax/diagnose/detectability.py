@@ -58,8 +58,7 @@ def detectable(stage: Stage, at: Refit, units: tuple[str, str]) -> list[Detectab
         if inverse:
             smallest = 1.0 / smallest if np.isfinite(smallest) and smallest > 0 else np.inf
         others = [stage.slots[off[j]].cause for j in np.flatnonzero(cosines[k] > ALIKE)]
-        names = tuple(dict.fromkeys(o for o in others if visible and o != slot.cause))
-        hint = better(slot.cause, names) if names or not visible else ""
+        names, hint = open_about(slot.cause, others, visible)
         name = "amplitude" if slot.cause == swing.CAUSE else slot.names[main]
         told = told_unit(slot, main, units)
         new = Detectable(slot.cause, slot.where, name, float(smallest), told, names, hint)
@@ -69,6 +68,13 @@ def detectable(stage: Stage, at: Refit, units: tuple[str, str]) -> list[Detectab
         elif smallest < old.smallest and not inverse:  # of limits the first form, a sharp one
             best[slot.cause] = new
     return list(best.values())
+
+
+def open_about(cause: str, others: Sequence[str], seen: bool) -> tuple[tuple[str, ...], str]:
+    """Of the causes whose effects look like that of one the others, each once, if it is seen at
+    all; and what to drive where there are any, or where it is not seen."""
+    names = tuple(dict.fromkeys(o for o in others if seen and o != cause))
+    return names, better(cause, names) if names or not seen else ""
 
 
 def _rungs(stage: Stage, number: int) -> tuple[float, ...]:
