@@ -50,7 +50,7 @@ def detectable(stage: Stage, at: Refit, units: tuple[str, str]) -> list[Detectab
     for k, number in enumerate(off):
         slot, row = stage.slots[number], usual[k]
         main = _main(stage, number, thetas[row])
-        visible = energy[row] > 1e-12 * whole[row] and seen[row] > 1e-9
+        visible = bool(energy[row] > 1e-12 * whole[row] and seen[row] > 1e-9)
         own = [i for i, (other, _) in enumerate(rungs) if other == number]
         size = abs(thetas[row][slot.index[main]])
         smallest = size * _smallest([rungs[i][1] for i in own], seen[own]) if visible else np.inf
