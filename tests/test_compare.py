@@ -347,3 +347,19 @@ def test_an_extended_plant_starts_where_the_measurement_starts(model):
     log = Record.from_arrays(dt=DT, delta_cmd=channels["delta_cmd"], delta=delta)
     best = compare(log, Model({"steering": plant})).predictions["extended"]
     np.testing.assert_allclose(best.channels["delta"], delta, atol=1e-6)
+
+
+def test_a_plant_whose_response_is_not_measured_at_first_rests_under_the_first_commands(model):
+    """An angle that is told by a yaw rate is held back to where the vehicle stood, which says
+    nothing; what sensors make of the command there is noise, which play would keep."""
+    linear = model.plants["steering"].model
+    plant = Plant(model.plants["steering"].spec, ExtendedPlant(linear, (Backlash(0.1),)))
+    command = 0.01 * np.random.default_rng(3).standard_normal(600)
+    command[0] = 0.03
+    command[200:] += 0.2
+    delta = np.array(plant.model.simulate(command, DT, 0.0 * linear.to_plant().rest).y)
+    delta[:30] = 0.4
+    log = Record.from_arrays(dt=DT, delta_cmd=command, delta=delta)
+    log = dataclasses.replace(log, filled={"delta": np.arange(600) < 30})
+    found = compare(log, Model({"steering": plant})).predictions["extended"]
+    assert np.abs(found.channels["delta"] - delta)[30:].max() < 0.006

@@ -11,9 +11,11 @@ import pytest
 from vdmsi_jax import metrics
 from vdmsi_jax.config import PlantSpec, VehicleGeometry
 from vdmsi_jax.data.record import Record, Segment
+from vdmsi_jax.effects.backlash import Backlash
 from vdmsi_jax.errors import InputError
 from vdmsi_jax.model_file import Model, Plant
 from vdmsi_jax.models.bicycle import Bicycle
+from vdmsi_jax.models.extended_plant import ExtendedPlant
 from vdmsi_jax.models.following import FollowedAtOnce, RateLimited
 from vdmsi_jax.models.transfer_function import TransferFunction
 from vdmsi_jax.models.vehicle import SpeedInput, Vehicle, stack_vehicles
@@ -24,6 +26,8 @@ from vdmsi_jax.simulate import (
     Quadrature,
     Solver,
     Start,
+    at_rest,
+    resting_command,
     simulate,
     simulate_many,
 )
@@ -267,3 +271,35 @@ def test_one_program_serves_every_vehicle_of_a_kind():
     for seed in range(3):
         run(Vehicle(Bicycle(1.0 + seed, 1.2), RateLimited(1.0 + seed)), commands(seed))
     assert len(traces) == 1
+
+
+@pytest.mark.parametrize(
+    ("command", "rests", "within"),
+    [
+        (0.3 + 0.01 * np.random.default_rng(0).standard_normal(400), 0.3, 3e-3),
+        (np.repeat(0.01 * np.random.default_rng(1).standard_normal(200), 2), 0.0, 3e-3),
+        (np.full(400, 0.1), 0.1, 0.0),
+        (np.r_[0.0, np.full(399, 0.2)], 0.0, 0.0),
+        (np.r_[np.zeros(12), np.full(388, 0.2)], 0.0, 0.0),
+        (np.linspace(0.05, 1.0, 400), 0.05, 0.0),
+        (np.sin(np.arange(400) / 30.0), 0.0, 0.0),
+        (np.array([0.2, 0.1]), 0.2, 0.0),
+    ],
+)
+def test_a_command_that_scatters_begins_at_its_mean_and_any_other_at_its_first_value(
+    command, rests, within
+):
+    assert resting_command(command, 0.01) == pytest.approx(rests, abs=within)
+
+
+def test_a_vehicle_at_rest_begins_under_the_mean_of_noisy_commands_and_nowhere_else():
+    steering = ExtendedPlant(TransferFunction([5.0], [1.0, 5.0]), (Backlash(0.1),))
+    vehicle = Vehicle(BICYCLE, FollowedAtOnce(), steering)
+    noise = 0.01 * np.random.default_rng(2).standard_normal(500)
+    noise[0] = 0.03
+    commands = Commands(np.ones(500), noise, 0.01)
+    start = at_rest(vehicle, commands, x=1.0, y=2.0, psi=0.5)
+    assert (float(start.x), float(start.y), float(start.psi)) == (1.0, 2.0, 0.5)
+    assert start.powertrain is None
+    assert abs(float(simulate(vehicle, commands, start).delta[-1])) < 2e-3
+    assert abs(float(simulate(vehicle, commands).delta[-1])) > 0.02

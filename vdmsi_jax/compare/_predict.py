@@ -15,7 +15,7 @@ from ..model_file import Model, Plant
 from ..models.extended_plant import ExtendedPlant, surroundings
 from ..models.linear_plant import REST_RECORDS
 from ..models.plant import AbstractPlant
-from ..simulate import RESULTS, Commands, Start, simulate
+from ..simulate import RESULTS, Commands, Start, resting_command, simulate
 from ._nouns import POSE, SUCCESSFUL, has_pose
 
 START_TIME = 0.2
@@ -191,26 +191,34 @@ def _starts(
     record: Record, model: Model, plant: Plant, every: Sequence[AbstractPlant], kind: Kind
 ) -> Sequence[np.ndarray | None]:
     """State of a plant at the start of each segment: at rest under that constant command which
-    brings its response closest to the first `START_TIME` of the measured one. None, the
-    simulation's own start, where the response was not measured or the plant has no rest."""
+    brings its response closest to what was measured of the first `START_TIME`; where nothing was,
+    as an angle that is told by a yaw rate is not while the vehicle stands, under the command with
+    which the segment begins. None, the simulation's own start, where the plant has no rest."""
     linear = (plant.linear if kind is Kind.EXTENDED else plant.plain).to_plant()
     rest, slowest = np.asarray(linear.rest), float(linear.slowest)
-    if plant.spec.output not in record or slowest * record.duration * REST_RECORDS <= 1.0:
+    if slowest * record.duration * REST_RECORDS <= 1.0:
         return [None] * len(record.segments)
     rows = max(round(START_TIME / record.dt), 2)
-    commands, measured = (
-        _padded(record, record[channel])[:, :rows]
-        for channel in (plant.spec.input, plant.spec.output)
+    nothing, output = np.zeros(record.n), plant.spec.output
+    told = output in record
+    channels = (
+        record[plant.spec.input],
+        record[output] if told else nothing,
+        record.measured(output).astype(float) if told else nothing,
     )
     found = []
-    for own, u, y in zip(every, commands, measured, strict=True):
-        own = _first(own, len(u))
+    for own, u, y, known in zip(every, *(_padded(record, c) for c in channels), strict=True):
+        known = known[:rows] > 0.0
+        if not known.any():
+            found.append(rest * resting_command(u, record.dt))
+            continue
+        own, u, y = _first(own, len(known)), u[:rows], y[:rows][known]
 
-        def response(c: float, own=own, u=u) -> np.ndarray:
+        def response(c: float, own=own, u=u, known=known) -> np.ndarray:
             moved = np.asarray(_run(own, u, record.dt, c * rest))
-            if kind is not Kind.EXTENDED:
-                return moved
-            return _measured(record, model, plant.spec.output, moved)
+            if kind is Kind.EXTENDED:
+                moved = _measured(record, model, output, moved)
+            return moved[known]
 
         forced = response(0.0)
         best = _toward(forced, response(1.0) - forced, y)

@@ -10,7 +10,7 @@ from ..data.record import Record
 from ..metrics import Alignment, aligned, ate, fit, heading_error, translation_error
 from ..models.commands import Commands
 from ..models.vehicle import Vehicle
-from ..simulate import Start, simulate
+from ..simulate import at_rest, simulate
 from .course import Course
 from .vdm import Rule, rules
 
@@ -77,8 +77,9 @@ def open_loop(
 ) -> OpenLoop:
     """Let every model follow the commands of a drive along a course.
 
-    The models are at rest with the car and hear every command from there on. As in the paper the
-    errors count from the bend on, where each path is laid on the measured pose.
+    The models are at rest with the car, under the command with which the drive begins, and hear
+    every one from there on. As in the paper the errors count from the bend on, where each path is
+    laid on the measured pose.
 
     Args:
         course: what was driven.
@@ -108,7 +109,8 @@ def open_loop(
 def _estimate(
     vehicle: Vehicle, drive: Record, poses: Float[np.ndarray, "N 3"], entered: int
 ) -> Estimate:
-    motion = simulate(vehicle, Commands.of(drive), Start(*poses[0]))
+    commands, (x, y, psi) = Commands.of(drive), poses[0]
+    motion = simulate(vehicle, commands, at_rest(vehicle, commands, x=x, y=y, psi=psi))
     path, truth = np.asarray(motion.poses), poses[entered:]
     return Estimate(
         np.asarray(aligned(truth, path[entered:], Alignment.START)),

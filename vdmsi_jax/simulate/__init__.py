@@ -7,6 +7,8 @@ from vdmsi_jax.simulate._nouns import AbstractMethod as AbstractMethod
 from vdmsi_jax.simulate._nouns import Start as Start
 from vdmsi_jax.simulate._nouns import Trajectory as Trajectory
 from vdmsi_jax.simulate._quadrature import Quadrature as Quadrature
+from vdmsi_jax.simulate._rest import at_rest as at_rest
+from vdmsi_jax.simulate._rest import resting_command as resting_command
 from vdmsi_jax.simulate._simulate import simulate as simulate
 from vdmsi_jax.simulate._simulate import simulate_many as simulate_many
 from vdmsi_jax.simulate._solver import Solver as Solver
