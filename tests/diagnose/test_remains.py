@@ -351,3 +351,18 @@ def test_where_rough_ground_goes_with_the_commands_only_events_are_the_model_s()
     pulses = np.sum(rng.choice([-1.0, 1.0], (9, 1)) * np.exp(-(((T - at) / 0.5) ** 2)), axis=0)
     found = slow_error("r", NOISE + pulses[None], NOISE, RESPONSE, nothing, masks, DT)
     assert found is not None and found.puzzling
+
+
+@pytest.mark.parametrize(
+    ("answered", "share", "hides_small", "drowned"),
+    [
+        (True, 0.38, True, True),
+        (True, 0.38, False, False),
+        (True, 0.3, False, True),
+        (True, 0.6, True, False),
+        (False, 0.3, True, False),
+    ],
+)
+def test_a_cause_beside_a_load_that_is_answered_takes_enough(answered, share, hides_small, drowned):
+    load = Unexplained("y", 0.9, (), (), "a slow error", steady=True, answered=answered, size=0.1)
+    assert Remains((load,), ()).drowns("y", share, hides_small) is drowned

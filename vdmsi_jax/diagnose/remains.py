@@ -27,6 +27,9 @@ _NO_WIND, _NO_EVEN_WIND = 0.08, 0.16  # the same, beyond which an error is no di
 # the library lacks 0.09 to 0.33
 _NO_LOAD = 1.0  # the same of one that a controller answers: a load may be all that moves a loop
 _DROWNED = 0.33  # share of a channel's error, below which a cause beside such a load is minor
+_PLAYED = (
+    0.5  # the same of a play of the command: of clean loops 0.26, 0.38, of true ones from 0.59
+)
 _BY_STATES = 0.15  # share of a channel's error, that some function of states takes beside a cause
 # that stands in for it: beside right names up to 0.12, beside wrong ones 0.06 to 0.27
 _OF_STATES = (
@@ -85,11 +88,12 @@ class Remains:
         by_states = _largest(u for u in self.found if u.test == f"{OF_STATES} would explain it")
         return by_states.get(channel, 0.0) * (1.0 - share) > _BY_STATES
 
-    def drowns(self, channel: str, share: float) -> bool:
+    def drowns(self, channel: str, share: float, hides_small: bool = False) -> bool:
         """Whether most of what is left of a channel is a load that a controller answers, beside
-        which a cause takes so small a `share` that it may tell what the commands know of it."""
+        which a cause takes so small a `share` that it may tell what the commands know of it: as a
+        play of the command does, which `hides_small` moves, and those are the answers."""
         loads = _largest(u for u in self.found if u.answered)
-        return loads.get(channel, 0.0) > _SETTLED and share < _DROWNED
+        return loads.get(channel, 0.0) > _SETTLED and share < (_PLAYED if hides_small else _DROWNED)
 
     @cached_property
     def disturbed(self) -> dict[str, float]:

@@ -103,6 +103,7 @@ def _search(stage: Stage, may_step: bool = False) -> Search:
     now, screened, seen = climbed(stage, plain, grid)
     failed: list[Failed] = []
     borne: set[int] = set()  # causes that data held out bear out, whatever they cost
+    swapped: set[tuple] = set()  # kinds that took a place: one that fails then would do so for ever
     swaps = 0
     while True:
         numbers = {f.finding.number for f in failed}
@@ -123,7 +124,9 @@ def _search(stage: Stage, may_step: bool = False) -> Search:
             swaps = 0
             continue
         findings, other = findings_of(stage, findings, now, seen, numbers)
-        if other is not None and swaps < SWAPS and _takes_over(stage, now, other, seen):
+        new = other is not None and other.hypothesis.kind not in swapped
+        if other is not None and new and swaps < SWAPS and _takes_over(stage, now, other, seen):
+            swapped.add(other.hypothesis.kind)
             now, swaps = other, swaps + 1
             continue
         pairs = zip(findings, found.findings, strict=True)

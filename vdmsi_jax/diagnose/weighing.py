@@ -53,6 +53,7 @@ _CROWD = 4  # causes of one actuator, from which on they are one that the librar
 _TAKEN = 0.4  # share, below which a cause that only brief noise shows may mend what is slow
 _BENDS = frozenset({"gain_nonlinearity", "saturation", "gain_asymmetry"})  # of one characteristic
 _REACHED = 0.1  # of the largest command, above which all are where nothing shows the one at zero
+_WEIGHED = 5.0  # standard errors, that the weight of a mode must have beside its plant
 _LIGHT, _ADDS = 0.15, 0.3  # ratio, and share of the baseline's error, that a mode with more damping
 # must take by itself
 
@@ -289,10 +290,10 @@ def _shorter(gain: Gain) -> bool:
 
 def _sizeless(found: Finding) -> bool:
     """Whether the size of a cause is lost in its standard error: of a mode its weight, since noise
-    has a frequency, too; of others every parameter."""
+    has a frequency, too, and a plant of more poles has every weight; of others every parameter."""
     told = found.parameters
     if found.cause == "resonance" and "weight" in told:
-        return abs(told["weight"].value) < told["weight"].std
+        return abs(told["weight"].value) < _WEIGHED * told["weight"].std
     return all(abs(e.value) < _NOTHING * e.std for e in told.values())
 
 
