@@ -5,7 +5,15 @@ import pytest
 
 import vdmsi_jax as vj
 from vdmsi_jax.diagnose.colour import spectrum, whiten
-from vdmsi_jax.diagnose.noise import BriefNoise, KnownNoise, OwnNoise, Pair, pairs, repeated
+from vdmsi_jax.diagnose.noise import (
+    BriefNoise,
+    KnownNoise,
+    OwnNoise,
+    Pair,
+    pairs,
+    repeated,
+    slow_noise,
+)
 from vdmsi_jax.diagnose.prepare import repeats
 from vdmsi_jax.diagnose.runs import lay_out
 
@@ -74,6 +82,18 @@ def test_the_noise_is_that_of_the_runs_without_what_their_starts_leave():
     assert found.std == pytest.approx(float(np.std(truth)), rel=0.05)
     assert found.coefficients(1)[0] == pytest.approx(np.exp(-DT / 1.5), abs=0.01)
     assert 0.8 * found.std < found.slow < found.std
+
+
+def test_what_is_slow_and_does_not_come_again_is_that_of_the_noise():
+    u = steps(3)
+    pair = pairs(np.stack([u, u])[None], everywhere(2), LOGS, DT)
+    structure = 0.3 * np.sin(0.5 * DT * np.arange(u.size))  # comes again
+    gusts = np.stack([0.05 * wandering(4), 0.05 * wandering(5)])
+    slow = slow_noise(pair, structure + gusts, everywhere(2), DT)
+    assert slow == pytest.approx(0.05, rel=0.4)
+    assert slow_noise(pair, np.stack([structure] * 2), everywhere(2), DT) == 0.0
+    assert slow_noise((), structure + gusts, everywhere(2), DT) == 0.0
+    assert slow_noise(pair, structure + gusts, ~everywhere(2), DT) == 0.0
 
 
 def test_one_log_given_twice_tells_no_noise():

@@ -16,6 +16,7 @@ from .families import Explained, explained, weighed
 from .feedback import is_answered
 from .found import Search
 from .heading import by_heading
+from .noise import slow_noise
 from .questions import asked, asked_of_body, evenly_of
 from .result import Diagnosis, Unexplained
 from .runs import Runs
@@ -252,7 +253,8 @@ def _of_body(runs: Runs, found: BodySearch) -> list[Unexplained]:
     left += structure("r", e, white, *masks, runs.names, body.dt)
     response = body.measured["r"]
     nothing, moves = np.empty((0, *e.shape)), moving(body.v, masks[0] | masks[1])
-    slow = slow_error("r", e, white, response, nothing, masks, body.dt, moving=moves)
+    noise = slow_noise(body.repeats, e, masks[0] | masks[1], body.dt)
+    slow = slow_error("r", e, white, response, nothing, masks, body.dt, noise, moves)
     if slow is not None and slow.steady and kind is not None and kind.share > _OF_A_KIND:
         slow = replace(slow, steady=False, puzzling=True)
     if slow is not None:

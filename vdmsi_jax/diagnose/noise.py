@@ -223,6 +223,18 @@ def shared(found: Sequence[Pair], known: Bool[np.ndarray, "R N"]) -> Bool[np.nda
     return rows
 
 
+def slow_noise(
+    found: Sequence[Pair], x: Float[np.ndarray, "R N"], known: Bool[np.ndarray, "R N"], dt: float
+) -> float:
+    """Standard deviation of what is slow in a signal and does not come again in repeats: wind,
+    rough ground and loads are another each time. Zero where there are none."""
+    both = shared(found, known)
+    if not both.any():
+        return 0.0
+    slow = moving_mean(np.where(both, differences(found, x), 0.0), SLOW, dt)
+    return float(np.sqrt(np.mean(slow[both] ** 2)))
+
+
 def pairs(
     commands: Float[np.ndarray, "C R N"],
     known: Bool[np.ndarray, "R N"],
