@@ -13,7 +13,6 @@ from ..data.record import Record
 from ..effects import Signals
 from ..model_file import Model, Plant
 from ..models.extended_plant import ExtendedPlant, surroundings
-from ..models.linear_plant import REST_RECORDS
 from ..models.plant import AbstractPlant
 from ..simulate import RESULTS, Commands, Start, resting_command, simulate
 from ._nouns import POSE, SUCCESSFUL, has_pose
@@ -195,9 +194,9 @@ def _starts(
     as an angle that is told by a yaw rate is not while the vehicle stands, under the command with
     which the segment begins. None, the simulation's own start, where the plant has no rest."""
     linear = (plant.linear if kind is Kind.EXTENDED else plant.plain).to_plant()
-    rest, slowest = np.asarray(linear.rest), float(linear.slowest)
-    if slowest * record.duration * REST_RECORDS <= 1.0:
+    if not linear.rests(record.duration):
         return [None] * len(record.segments)
+    rest = np.asarray(linear.rest)
     rows = max(round(START_TIME / record.dt), 2)
     nothing, output = np.zeros(record.n), plant.spec.output
     told = output in record

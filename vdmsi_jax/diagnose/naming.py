@@ -90,6 +90,13 @@ class Named:
         place = self.where if self.channel is None else f"{self.where} {self.channel}"
         return f"{self.cause} ({place})"
 
+    @property
+    def hides_small(self) -> bool:
+        """As in `AbstractEffect`."""
+        if self.search is None or self.finding is None:
+            return False
+        return self.search.stage.slots[self.finding.number].effect.hides_small
+
 
 def of_stage(search: Search, units: tuple[str, str]) -> list[Named]:
     """The causes of an actuator.

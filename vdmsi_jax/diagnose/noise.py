@@ -112,9 +112,8 @@ class KnownNoise(Noise):
         """
         self.samples, self.counted, self.dt, self.by = samples, counted, dt, by
         self._coefficients: dict[int, np.ndarray] = {}
-        slow = moving_mean(np.where(counted, samples, 0.0), SLOW, dt)
         self.std = float(np.sqrt(np.mean(samples[counted] ** 2)))
-        self.slow = float(np.sqrt(np.mean(slow[counted] ** 2)))
+        self.slow = _slow(samples, counted, dt)
 
     @classmethod
     def reference(cls, samples: Float[np.ndarray, "*runs N"], dt: float) -> "KnownNoise":
@@ -163,6 +162,12 @@ class KnownNoise(Noise):
 
     def innovations(self, spectra, order):
         return _filtered(spectra, self.coefficients(order))
+
+
+def _slow(samples: Float[np.ndarray, "R N"], counted: Bool[np.ndarray, "R N"], dt: float) -> float:
+    """Standard deviation of the slow part of noise."""
+    slow = moving_mean(np.where(counted, samples, 0.0), SLOW, dt)
+    return float(np.sqrt(np.mean(slow[counted] ** 2)))
 
 
 def _filtered(
@@ -229,10 +234,7 @@ def slow_noise(
     """Standard deviation of what is slow in a signal and does not come again in repeats: wind,
     rough ground and loads are another each time. Zero where there are none."""
     both = shared(found, known)
-    if not both.any():
-        return 0.0
-    slow = moving_mean(np.where(both, differences(found, x), 0.0), SLOW, dt)
-    return float(np.sqrt(np.mean(slow[both] ** 2)))
+    return _slow(differences(found, x), both, dt) if both.any() else 0.0
 
 
 def pairs(

@@ -148,8 +148,8 @@ def _near(cause: str, other: str, lacks: float, gain: float) -> bool:
 
 def _of_command(own: Slot, other: Slot, lacks: float, gain: float) -> bool:
     """Whether friction lacks too little to be told from a play of the command."""
-    plays = own.cause == "backlash" and getattr(own.effect, "at", "") == "command"
-    return plays and other.cause == "coulomb_friction" and lacks < _OF_COMMAND * gain
+    friction = other.cause == "coulomb_friction"
+    return own.effect.hides_small and friction and lacks < _OF_COMMAND * gain
 
 
 def _apart(cause: str, other: str) -> float:

@@ -3,7 +3,7 @@ and what data held out bear out of it."""
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -93,6 +93,30 @@ def _bears_out(found: Search, other: Search) -> bool:
     return sure and scored.taken(stage.held_out) > _TAKES
 
 
+@dataclass
+class _Path:
+    """Where a search has been: what it must not try again, so that it comes to an end."""
+
+    failed: list[Failed] = field(default_factory=list)
+    borne: set[int] = field(default_factory=set)  # that data held out bear out, whatever they cost
+    swapped: set[tuple] = field(default_factory=set)  # kinds that took a place
+    swaps: int = 0  # since a cause last failed or was borne out
+
+    @property
+    def barred(self) -> set[int]:
+        """Causes that data held out did not bear out."""
+        return {f.finding.number for f in self.failed}
+
+    def may_swap(self, kind: tuple) -> bool:
+        """Whether a model may take the place: one that had it, and failed, would do so for ever."""
+        return self.swaps < SWAPS and kind not in self.swapped
+
+    def swap(self, kind: tuple) -> None:
+        """Note the kind of a model that takes the place."""
+        self.swapped.add(kind)
+        self.swaps += 1
+
+
 def _search(stage: Stage, may_step: bool = False) -> Search:
     """What one kind of noise lets the data support."""
     whole, stage = stage, stage.fitting
@@ -101,42 +125,37 @@ def _search(stage: Stage, may_step: bool = False) -> Search:
     if may_step and acts_in_steps(stage, plain):
         raise ActsInSteps
     now, screened, seen = climbed(stage, plain, grid)
-    failed: list[Failed] = []
-    borne: set[int] = set()  # causes that data held out bear out, whatever they cost
-    swapped: set[tuple] = set()  # kinds that took a place: one that fails then would do so for ever
-    swaps = 0
+    path = _Path()
     while True:
-        numbers = {f.finding.number for f in failed}
-        now = eliminate(stage, now, seen, borne)
+        now = eliminate(stage, now, seen, path.borne)
         findings = worths(stage, now)
         found = _whole(whole, stage, plain, grid, now, findings)
         worst = _failing(found)
         if worst is not None:  # before what could stand in its place, which takes long
-            failed.append(Failed(found.findings[worst], found.final))
-            numbers.add(findings[worst].number)
-            again = None
-            if len(failed) <= _AGAIN:
-                again, _, more = climbed(stage.but(numbers), plain, grid)
+            path.failed.append(Failed(found.findings[worst], found.final))
+            path.swaps, again = 0, None
+            if len(path.failed) <= _AGAIN:
+                again, _, more = climbed(stage.but(path.barred), plain, grid)
                 seen |= more
-            now = _instead(stage, findings[worst].less, seen, numbers)
+            now = _instead(stage, findings[worst].less, seen, path.barred)
             if again is not None and not now.hypothesis.active:
                 now = again  # a name that is worth less than its price, and yet told
-            swaps = 0
             continue
-        findings, other = findings_of(stage, findings, now, seen, numbers)
-        new = other is not None and other.hypothesis.kind not in swapped
-        if other is not None and new and swaps < SWAPS and _takes_over(stage, now, other, seen):
-            swapped.add(other.hypothesis.kind)
-            now, swaps = other, swaps + 1
+        findings, other = findings_of(stage, findings, now, seen, path.barred)
+        may = other is not None and path.may_swap(other.hypothesis.kind)
+        if other is not None and may and _takes_over(stage, now, other, seen):
+            path.swap(other.hypothesis.kind)
+            now = other
             continue
         pairs = zip(findings, found.findings, strict=True)
         found = replace(found, findings=tuple(replace(f, less=own.less) for f, own in pairs))
-        more = _borne_out(found, seen, numbers | borne)
+        more = _borne_out(found, seen, path.barred | path.borne)
         if more is None:
             told = _foretold(whole, found.findings)
-            return replace(found, findings=told, screened=tuple(screened), failed=tuple(failed))
-        borne |= set(more.hypothesis.active) - set(now.hypothesis.active)
-        now, swaps = more, 0
+            failed = tuple(path.failed)
+            return replace(found, findings=told, screened=tuple(screened), failed=failed)
+        path.borne |= set(more.hypothesis.active) - set(now.hypothesis.active)
+        path.swaps, now = 0, more
 
 
 def _takes_over(stage: Stage, now: Refit, other: Refit, seen: Mapping[tuple, Refit]) -> bool:

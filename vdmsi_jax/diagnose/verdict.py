@@ -122,12 +122,11 @@ class Evidence:
             channel, share = trial.gain.channel, max(found.share, trial.gain.typical)
             puzzle = _doubt(remains.puzzles, cause, trial)
             disturbance = _doubt(remains.disturbed, cause, trial)
-            hides_small = (found.cause, found.form) == ("backlash", "of the command")
             small = (
                 weighing.minor(cause, trial, found, puzzle, disturbance, leads, trials)
                 or any(f in (cause.finding, cause.body) for f in remains.outdone)
                 or remains.outdoes(found.cause, channel, share)
-                or remains.drowns(channel, found.share, hides_small)
+                or remains.drowns(channel, found.share, cause.hides_small)
                 or (cause.where == "sensor" and cause.channel in remains.dropping)
             )
             (minor if small else findings).append(found)

@@ -168,6 +168,12 @@ class AbstractEffect(eqx.Module):
         ports = ("held", "load", "effort", "output", "sensor")
         return any(getattr(type(self), p) is not getattr(AbstractEffect, p) for p in ports)
 
+    @property
+    def hides_small(self) -> bool:
+        """Whether small movements of the command do not get through it: where a controller answers
+        what disturbs the plant, those are its answers, and an error that knows them looks alike."""
+        return False
+
     def scaled(self, scales: Scales) -> "AbstractEffect":
         """The same effect with its constants set for a record."""
         return self

@@ -4,12 +4,12 @@ instant."""
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from vdmsi_jax.models.plant import AbstractPlant, AbstractTrace, PlantResponse
 from vdmsi_jax.models.state_space import Motion, StateSpace, propagate
 
-REST_RECORDS = 100.0  # a pole slower than so many times the record has no time to come to rest
+_REST_RECORDS = 100.0  # a pole slower than so many times the record has no time to come to rest
 
 
 class _Lead(eqx.Module):
@@ -120,17 +120,17 @@ class LinearPlant(AbstractPlant):
         dt = jnp.asarray(dt, float)
         return dt - whole_and_rest(self.delay, dt)[1]
 
+    def rests(self, duration: float | Float[Array, ""]) -> Bool[Array, ""]:
+        """Whether a plant can have come to rest before a record of so many seconds: a pole slower
+        than `_REST_RECORDS` times the record is a near-integrator, whose state at rest is huge and
+        says nothing about the plant (the paper's steering model would start at -1.5e6 rad)."""
+        return self.slowest * duration * _REST_RECORDS > 1.0
+
     def initial_state(
         self, u0: Float[Array, ""], duration: float | Float[Array, ""]
     ) -> Float[Array, " n"]:
-        """The state at rest under `u0`, or zero for a plant too slow to have come to rest.
-
-        A pole slower than `REST_RECORDS` times the record is a near-integrator: its state at rest
-        is huge and says nothing about the plant (the paper's steering model would start at -1.5e6
-        rad).
-        """
-        at_rest = self.slowest * duration * REST_RECORDS > 1.0
-        return jnp.where(at_rest, self.rest * u0, 0.0)
+        """The state at rest under `u0`, or zero for a plant that has none (`rests`)."""
+        return jnp.where(self.rests(duration), self.rest * u0, 0.0)
 
     def trace(
         self,
