@@ -131,7 +131,7 @@ def show_reproduction(experiments: Sequence["Experiments"]) -> None:
 def show_diagnosis(diagnosis: "Diagnosis") -> None:
     """The verdict, each finding in words, what it gains, and what remains."""
     from .diagnose.document import left_over, title
-    from .diagnose.words import disturbed, in_words, verdict
+    from .diagnose.words import disturbed, in_words, resting, verdict
 
     for told in diagnosis.contradictions:
         OUT.print(told, style="bold", soft_wrap=True, markup=False)
@@ -159,8 +159,10 @@ def show_diagnosis(diagnosis: "Diagnosis") -> None:
         _say(left_over(left))
     for left in diagnosis.disturbances:
         _say(disturbed(left))
-    if diagnosis.minor:
-        names = ", ".join(title(finding) for finding in diagnosis.minor)
+    for level in diagnosis.levels:
+        _say(resting(level))
+    if diagnosis.small:
+        names = ", ".join(title(finding) for finding in diagnosis.small)
         _say(f"Significant, but small or not sure enough to be named: {names}.")
     for unseen in diagnosis.unseen:
         _say(unseen)

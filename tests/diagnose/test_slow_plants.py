@@ -108,3 +108,30 @@ def test_a_lag_before_a_tank_that_outlasts_the_log_has_a_start_near_by(hidden):
     starts = [h for h in nested(stage, tank) if h.zeros == 0]
     offered = [float(np.abs(np.roots(h.den)).max() * stage.pace) for h in starts]
     assert min(abs(np.log(p * hidden)) for p in offered) < np.log(2.5)
+
+
+@pytest.mark.parametrize("fouls", [False, True])
+def test_the_warmth_of_a_room_is_no_cause_and_hides_none(fouls):
+    """An exchanger far from zero, whose gain falls by a third within each log. A pole that outlasts
+    them would tell the level by its start, and take what drifts."""
+
+    def exchanger(rng):
+        u, y, inner, outer = np.repeat(rng.uniform(-1.0, 1.0, 20), 80), np.empty(1600), 0.5, 0.5
+        for k, command in enumerate(u):
+            y[k] = 313.0 + 6.0 * outer
+            gain = 1.0 - fouls * k / 4800.0
+            for _ in range(10):
+                inner += 0.5 / 30.0 * (gain * command - inner)
+                outer += 0.5 / 90.0 * (inner - outer)
+        return u, y + 0.1 * rng.standard_normal(y.size)
+
+    found = vj.diagnose(logs_of(exchanger, "exchanger", 5.0, 3))
+    assert [f.cause for f in found.findings] == ["gain_drift"] * fouls
+    assert found.verdict == ("explained" if fouls else "no_effect")
+    assert not found.small
+    if fouls:
+        (level,) = found.levels
+        assert level.parameters["bias"].value == pytest.approx(313.0, abs=0.2)
+        assert "rests at 313" in found.summary
+        rate = found.findings[0].parameters["rate"].value
+        assert rate == pytest.approx(-1.0 / 3.0 / 8000.0, rel=0.1)

@@ -11,7 +11,7 @@ import numpy as np
 from . import swing
 from .hypothesis import Hypothesis, Refit
 from .stage import Stage
-from .starts import added, number_of, plant
+from .starts import added, number_of, plant, shifted_by
 
 _BEHIND = ((2, 0), (2, 1), (3, 1), (3, 2))  # orders that may lie behind a delay
 _LINGERS = 2.5  # over the length of the runs, the fastest pole that may tell an offset by its start
@@ -36,28 +36,41 @@ def lingers(stage: Stage, h: Hypothesis) -> bool:
 def levelled(stage: Stage, h: Hypothesis) -> list[Hypothesis]:
     """The same with an offset, up or down, for a mode that lingers and its zero."""
     number = number_of(stage, "offset")
-    if not lingers(stage, h) or number in h.active:
+    if number in h.active or (bare := _fleeting(stage, h)) is None:
         return []
-    poles, zeros, level = np.roots(h.den), np.roots(h.num), h.num[-1] / h.den[-1]
-    slow, near = np.argmin(np.abs(poles)), np.argmin(np.abs(zeros))
-    if poles[slow].imag != 0.0 or zeros[near].imag != 0.0:
-        return []
-    den = np.real(np.poly(np.delete(poles, slow)))
-    num = np.atleast_1d(np.real(np.poly(np.delete(zeros, near))))
-    bare = plant(h, stage, den, num * level * den[-1] / num[-1])
+    as_slow = (h.num[-1] / h.den[-1]) / (bare.num[-1] / bare.den[-1])
+    bare = plant(bare, stage, bare.den, bare.num * as_slow)
     size = _LEVEL * stage.scales.response
     return [added(stage, bare, number, bias) for bias in (-size, size)]
+
+
+def _fleeting(stage: Stage, h: Hypothesis) -> Hypothesis | None:
+    """The same without a mode that lingers and its zero; None where there is none."""
+    if not lingers(stage, h):
+        return None
+    poles, zeros = np.roots(h.den), np.roots(h.num)
+    slow, near = np.argmin(np.abs(poles)), np.argmin(np.abs(zeros))
+    if poles[slow].imag != 0.0 or zeros[near].imag != 0.0:
+        return None
+    den = np.real(np.poly(np.delete(poles, slow)))
+    num = np.atleast_1d(np.real(np.poly(np.delete(zeros, near))))
+    return plant(h, stage, den, num * np.trim_zeros(h.num, "f")[0])
 
 
 def shifted(
     stage: Stage, plain: Refit, grid: Mapping[tuple[int, int], Refit]
 ) -> Iterable[Hypothesis]:
-    """Plants with an offset for one that tells it by a mode that lingers."""
+    """Plants with an offset for one that tells it by a mode that lingers: a small one beside those
+    that tell none, and for that mode and its zero as much as they tell, which is the whole level of
+    a plant that rests far from zero."""
     if not lingers(stage, plain.hypothesis):
         return
     number = number_of(stage, "offset")
-    for h in (f.hypothesis for f in grid.values() if not lingers(stage, f.hypothesis)):
-        yield added(stage, h, number, 0.01 * stage.scales.response)
+    for h in (f.hypothesis for f in grid.values()):
+        if (bare := _fleeting(stage, h)) is not None:
+            yield shifted_by(stage, bare, number)
+        elif not lingers(stage, h):
+            yield added(stage, h, number, 0.01 * stage.scales.response)
 
 
 def all_pole(stage: Stage, h: Hypothesis) -> Hypothesis:

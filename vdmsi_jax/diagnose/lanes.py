@@ -210,12 +210,14 @@ def _simulate(tree, leaves, plants, theta, on, u, level):
     def one(row, vector, u, signals, level):
         plant = Plant.of_row(row)
         rest, steps = plant.rest, (plant.Ad, plant.Bd)
+        effects = unravel(vector[FIRST_CAUSE:])
+        for effect in effects:
+            level = effect.rested(level)
         gain = rest[0] + plant.D
         known = ~jnp.isnan(level) & (jnp.abs(gain) > 1e-9)
         before = jnp.where(known, level / jnp.where(known, gain, 1.0), u[0])
         leads = vector[np.array(LEADS)]
         told = replace(signals, slowness=plant.slowness, leads=leads, before=before)
-        effects = unravel(vector[FIRST_CAUSE:])
         system = StateSpace(plant.A, plant.B, plant.C, plant.D)
         return respond(system, rest, effects, u, told, on, steps, rest * before)
 

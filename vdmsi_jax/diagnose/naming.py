@@ -16,7 +16,7 @@ from .colour import whiten
 from .found import MARGIN, Finding, Search
 from .hypothesis import Hypothesis, Refit
 from .lanes import LEADS
-from .result import Estimate, Rival
+from .result import RESTS, Estimate, Rival
 from .stage import Slot
 
 _CLEAR = 2.0  # standard errors from which a drift is told as bent, and a change as slowing
@@ -120,7 +120,7 @@ def of_stage(search: Search, units: tuple[str, str]) -> list[Named]:
                 slot.cause,
                 slot.where,
                 None,
-                form_of(slot),
+                RESTS if rests(search, slot) else form_of(slot),
                 parameters,
                 finding.gain,
                 len(slot.index),
@@ -130,6 +130,15 @@ def of_stage(search: Search, units: tuple[str, str]) -> list[Named]:
             )  # fmt: skip
         )
     return found
+
+
+def rests(search: Search, slot: Slot) -> bool:
+    """Whether a cause is the level at which a plant rests: an offset beyond all that its command
+    moves it, as of an oven in a warm room. It belongs to the plant."""
+    if slot.cause != "offset":
+        return False
+    bias = search.final.hypothesis.theta[slot.index[0]]
+    return bool(abs(bias) > search.stage.scales.response)
 
 
 def _same_force(cause: str, parameters: Mapping[str, Estimate]) -> str | None:

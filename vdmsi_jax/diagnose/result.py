@@ -14,6 +14,9 @@ from ..model_file import Model
 
 _FELT = 0.01  # of the mean translation error, below which a cause does nothing on the road
 
+RESTS = "by the level at which it rests"
+"""Form of an offset that is a plant's own, and no cause."""
+
 Verdict = Literal["explained", "no_effect", "unexplained_structure"]
 
 
@@ -319,6 +322,16 @@ class Diagnosis:
     held_out: str
     summary: str
     contradictions: tuple[str, ...] = ()
+
+    @property
+    def levels(self) -> tuple[Finding, ...]:
+        """Of the minor causes, the levels at which plants rest."""
+        return tuple(f for f in self.minor if f.form == RESTS)
+
+    @property
+    def small(self) -> tuple[Finding, ...]:
+        """Of the minor causes, the others."""
+        return tuple(f for f in self.minor if f.form != RESTS)
 
     def __repr__(self) -> str:
         named = ", ".join(f"{f.cause} ({f.channel or f.where})" for f in self.findings)

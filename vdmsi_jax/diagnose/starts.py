@@ -89,6 +89,20 @@ def added(stage: Stage, h: Hypothesis, number: int, value: float | tuple[float, 
     return replace(h, active=tuple(sorted({*h.active, number})), theta=theta)
 
 
+def shifted_by(stage: Stage, h: Hypothesis, number: int) -> Hypothesis:
+    """With an offset, of that number, and a gain that bring the response closest to what was
+    measured: it is a straight function of both."""
+    at = stage.slots[number].index[0]
+    thetas = np.repeat(h.theta[None], 3, axis=0)
+    thetas[1, NUMERATOR] *= 2.0
+    thetas[2, at] += stage.scales.response
+    y = stage.simulate(thetas)[:, stage.mask]
+    gain, bias = np.linalg.lstsq((y[1:] - y[0]).T, stage.y[stage.mask] - y[0], rcond=None)[0]
+    theta = h.theta.copy()
+    theta[NUMERATOR] *= 1.0 + gain
+    return added(stage, replace(h, theta=theta), number, bias * stage.scales.response)
+
+
 def late(stage: Stage, plain: Refit, order: tuple[int, int]) -> Iterable[Hypothesis]:
     """A plant reduced to an order, with the causes that it has, and with and without the delay that
     is lost."""

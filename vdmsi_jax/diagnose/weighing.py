@@ -12,7 +12,7 @@ from .found import Search, output_of
 from .judge import NEARLY_ALL, Trial
 from .naming import Named
 from .noise import BriefNoise
-from .result import ChannelScore, Finding, Gain
+from .result import RESTS, ChannelScore, Finding, Gain
 from .runs import Runs
 
 MINOR = 0.03
@@ -229,10 +229,10 @@ class Weighing:
     def _negligible(self, found: Finding) -> bool:
         """Whether it is less than a body's or a plant's own: a sensor that is late by less than
         half a sample, tyres by less than one that tell little, a body that turns with its tyres, a
-        response that is early or late by what every bus takes, a mode that poles of the baseline
-        tell as well, or what hardly swings in these logs, at no frequency of its own, or between
-        their samples; a body that is slightly another, or slower in bends; or a small gain in one
-        channel that is none on the road.
+        level at which a plant rests, a response that is early or late by what every bus takes, a
+        mode that poles of the baseline tell as well, or what hardly swings in these logs, at no
+        frequency of its own, or between their samples; a body that is slightly another, or slower
+        in bends; or a small gain in one channel that is none on the road.
         """
         value, dt = next(iter(found.parameters.values())).value, self.runs.dt
         none, g = False, found.gain
@@ -248,6 +248,8 @@ class Weighing:
             none = found.share < _DRAG and g.after - g.before < _DRAGGED and not _shorter(g)
         elif found.cause == "yaw_inertia":
             none = value * float(np.mean(np.abs(self.runs.channel("v")))) < _TURNS
+        elif found.cause == "offset":
+            none = found.form == RESTS
         elif found.cause == "transport_delay":
             none = value < 0.0 or (value < _BUS and g.after - g.before < _LATE)
         elif found.cause == "periodic_disturbance":

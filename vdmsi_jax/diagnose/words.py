@@ -108,14 +108,22 @@ def summary(d: Diagnosis) -> str:
             f"Mean translation error on the held-out drive: {number(before)} m without, "
             f"{number(after)} m with the causes."
         )
-    if d.minor:
-        names = ", ".join(in_words(f.cause) for f in d.minor)
+    said += map(resting, d.levels)
+    if d.small:
+        names = ", ".join(in_words(f.cause) for f in d.small)
         said.append(f"Significant, yet small or not sure enough to be named: {names}.")
     for u in d.unexplained[:3]:
         why = f"; {u.test}" if u.test else ""
         said.append(f"Unexplained in {u.channel}: {100 * u.fraction:.1f} % of what remains{why}.")
     said += map(disturbed, d.disturbances)
     return " ".join(said)
+
+
+def resting(level: Finding) -> str:
+    """Where a plant rests, as a sentence."""
+    bias = level.parameters["bias"]
+    unit = "" if bias.unit == "1" else f" {bias.unit}"
+    return f"The {level.where} rests at {number(bias.value)}{unit}, which is no cause."
 
 
 def disturbed(u: Unexplained) -> str:

@@ -206,6 +206,11 @@ class AbstractEffect(eqx.Module):
         """The response at the rows: for effects that are slow to compute."""
         return y
 
+    def rested(self, y: Float[Array, ""]) -> Float[Array, ""]:
+        """The response at rest behind one that is measured, where what is measured may be far from
+        it: that a plant rests at 40 degrees in a room of 40 says that its command does nothing."""
+        return y
+
     def sensor(self, y: Float[Array, " M"], signals: Signals) -> Float[Array, " M"]:
         """What is measured of the response at the sub-steps."""
         return y

@@ -29,3 +29,6 @@ class Offset(AbstractEffect):
 
     def measured(self, y: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
         return y + (self.bias * jnp.sign(signals.v) if self.by == "travel" else self.bias)
+
+    def rested(self, y: Float[Array, ""]) -> Float[Array, ""]:
+        return y - self.bias if self.by == "itself" else y

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from .. import plots
 from ..diagnose.document import title
 from ..diagnose.result import ChannelScore, Diagnosis, Estimate, Finding, Gain, Response
-from ..diagnose.words import disturbed, in_words
+from ..diagnose.words import disturbed, in_words, resting
 from ..plots.style import pretty_unit, squared_unit
 from .identification import what_was_read
 from .page import Block, Bullets, Page, Picture, Section, Table, Text, Tiles
@@ -344,10 +344,11 @@ def _remains(d: Diagnosis) -> list[Block]:
                 "shaded 95 % bands.",
             )
         )
-    if d.minor:
+    blocks += [Text(resting(level)) for level in d.levels]
+    if d.small:
         rows = [
             [title(finding), _values(finding.parameters), points(finding.gain), finding.sentence]
-            for finding in d.minor
+            for finding in d.small
         ]  # fmt: skip
         header = ["cause", "size", "gain (points of FIT)", ""]
         caption = "Significant, but small or not sure enough to be named."
