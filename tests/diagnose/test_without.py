@@ -58,3 +58,41 @@ def test_who_is_missed_so_much_that_the_model_runs_away_takes_no_more_than_all(a
     parts = budget.of_channel("y", "V", search, causes).parts
     assert parts["first (plant)"] == pytest.approx(0.75 + 0.5 * 0.24)
     assert parts["second (plant)"] == pytest.approx(0.5 * 0.24)
+
+
+def leaving(error: np.ndarray, structure: float = 0.0):
+    """The budget of a servo without causes of whose two logs this is left; the second judges."""
+    logs = [
+        vj.Record.from_arrays(dt=0.02, name=f"run_{k}", plants=(PLANT,), u=np.tile(U, 8)[:3000],
+                              y=np.roll(np.tile(U, 8)[:3000], 3) + k)
+        for k in range(2)
+    ]  # fmt: skip
+    stage = stage_of(lay_out(logs), PLANT)
+    assert stage.held_out[1].sum() > 2900
+    y = stage.y - error
+    h = Hypothesis(1, 0, (), stage.off)
+    none = np.zeros(0)
+    fit = Refit(h, 0.0, y, y, np.zeros((y.shape[1], 1)), none, 1.0, np.zeros((0, 0)))
+    search = Search(stage, fit, fit, fit, (), ())
+    return budget.of_channel("y", "V", search, (), structure)
+
+
+def noise(second: float, memory: float = 0.98) -> np.ndarray:
+    """Noise of two logs that lasts for a second, in the second log so many times as large."""
+    e = np.random.default_rng(2).standard_normal((2, 3000))
+    for k in range(1, e.shape[1]):
+        e[:, k] += memory * e[:, k - 1]
+    return e / np.sqrt(np.mean(e**2, axis=1, keepdims=True)) * np.array([[1.0], [second]])
+
+
+def test_noise_that_lasts_is_by_chance_larger_in_one_log_than_in_another():
+    told = leaving(noise(1.1))
+    assert told.unexplained == 0.0 and told.noise == pytest.approx(told.total)
+    told = leaving(noise(2.0))
+    assert told.noise == pytest.approx(1.0, rel=1e-3)
+    assert told.unexplained == pytest.approx(3.0, rel=1e-3)
+
+
+def test_structure_is_no_noise_though_all_of_it_was_there_in_the_fit():
+    told = leaving(noise(1.0), structure=0.4)
+    assert told.unexplained == pytest.approx(0.4 * told.total)

@@ -3,16 +3,29 @@
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Bool, Float
 
 from .found import Search
 from .judge import shapley
 from .naming import Named
 from .result import Budget
 from .road import Road, only
+from .windows import block_sums, blocks_in
+
+_CHANCE = 2.0  # standard errors, by blocks, that an error may be larger where it was not fitted
 
 
-def of_channel(name: str, unit: str, search: Search, causes: Sequence[Named]) -> Budget:
-    """The squared error of an actuator's response on the data held out."""
+def of_channel(
+    name: str, unit: str, search: Search, causes: Sequence[Named], structure: float = 0.0
+) -> Budget:
+    """The squared error of an actuator's response on the data held out.
+
+    Args:
+        name, unit: of the response.
+        search: what was found.
+        causes: those that are sure.
+        structure: share of what the final model leaves that is no noise.
+    """
     stage = search.stage
     use = search.judges
 
@@ -26,7 +39,8 @@ def of_channel(name: str, unit: str, search: Search, causes: Sequence[Named]) ->
         numbers = tuple(by_label[k].finding.number for k in kept)  # type: ignore[union-attr]
         return _at_least(total, error(only(search, numbers)))
 
-    noise = min(float(np.mean((stage.y - search.final.y)[stage.mask] ** 2)), rest)
+    noise = _noise((stage.y - search.final.y) ** 2, stage.mask, use, stage.dt)
+    noise = min(noise, (1.0 - structure) * rest)
     parts = _scaled(shapley(list(by_label), worth), total - rest)
     squared = f"({unit})^2" if "/" in unit else f"{unit}^2"
     left = total - sum(parts.values()) - noise
@@ -44,6 +58,24 @@ def of_path(road: Road, causes: Sequence[Named]) -> Budget:
     parts = _scaled(shapley(list(by_label), worth), total - rest)
     noise = min(road.floor(), rest)
     return Budget("translation", "m", total, parts, noise, total - sum(parts.values()) - noise)
+
+
+def _noise(
+    squared: Float[np.ndarray, "R N"],
+    fitted: Bool[np.ndarray, "R N"],
+    held: Bool[np.ndarray, "R N"],
+    dt: float,
+) -> float:
+    """How much of the squared error of data held out is noise: as much as where the model was
+    fitted, and all of it where it is no more than chance makes of noise that lasts."""
+    told, seen = squared[fitted], squared[held]
+    blocks = [block_sums(x, blocks_in(x.size, dt)) for x in (told, seen)]
+    spread = sum(
+        float(np.var(b, ddof=1)) * b.size / x.size**2
+        for b, x in zip(blocks, (told, seen), strict=True)
+    )
+    before, rest = float(np.mean(told)), float(np.mean(seen))
+    return rest if rest - before < _CHANCE * np.sqrt(spread) else before
 
 
 def _at_least(total: float, error: float) -> float:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from ..config import PlantSpec
@@ -46,10 +46,12 @@ class Remains:
         found: structure that no cause accounts for, disturbances among it.
         outdone: the causes (findings of an actuator or of the body) that only stand in for a kind
             of error that the library lacks.
+        structure_left: by channel, the largest share of what is left that is structure.
     """
 
     found: tuple[Unexplained, ...]
     outdone: tuple[object, ...]
+    structure_left: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -57,8 +59,9 @@ class Remains:
     ) -> "Remains":
         """Look at what the model leaves."""
         left, outdone = leftover(runs, searches, bodily), stand_ins(runs, searches, bodily)
+        structure = _largest(u for u in left if not u.steady)
         left += [u for _, u in outdone if u.fraction > 0.0]
-        return cls(tuple(left), tuple(f for f, _ in outdone))
+        return cls(tuple(left), tuple(f for f, _ in outdone), structure)
 
     @cached_property
     def disturbances(self) -> list[Unexplained]:

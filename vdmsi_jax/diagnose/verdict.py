@@ -24,7 +24,7 @@ from .manoeuvres import separate
 from .naming import Named, merged, of_body, of_stage, of_yaw_rate, with_form
 from .refit import refit
 from .remains import Remains, unexplained
-from .result import Detectable, Diagnosis, Finding, Rival, Unexplained
+from .result import Budget, Detectable, Diagnosis, Finding, Rival, Unexplained
 from .road import Road
 from .rounding import COARSE, quantised, tells_rounding
 from .runs import Runs
@@ -82,7 +82,7 @@ class Evidence:
             channels=plain,
             extended=extended,
             ate=None if road is None else road.ate(),
-            budget=tuple(self._budget([cause for cause, _ in sure], road)),
+            budget=tuple(self._budget([cause for cause, _ in sure], road, remains.structure_left)),
             detectable=self._detectable(),
             unseen=self.unseen,
             responses=tuple(responses(self.records, *models)),
@@ -273,13 +273,16 @@ class Evidence:
             self.runs, {s.output: f for s, f in self.searches.items()}, self.bodily, angle[0]
         )
 
-    def _budget(self, causes: Sequence[Named], road: Road | None) -> list:
+    def _budget(
+        self, causes: Sequence[Named], road: Road | None, structure: Mapping[str, float]
+    ) -> list[Budget]:
         found = [
             of_channel(
                 spec.output,
                 units_of(self.records, spec)[1],
                 own,
                 [c for c in causes if c.search is own],
+                structure.get(spec.output, 0.0),
             )
             for spec, own in self.searches.items()
         ]
