@@ -118,7 +118,14 @@ def test_a_slow_error_that_goes_with_what_is_asked_is_the_model_s():
 
 
 @pytest.mark.parametrize(
-    ("size", "fraction", "open_"), [(0.22, 0.21, True), (0.13, 0.9, True), (0.06, 0.21, False)]
+    ("size", "fraction", "open_"),
+    [
+        (0.22, 0.21, True),
+        (0.13, 0.9, True),
+        (0.06, 0.21, False),
+        (0.09, 0.64, True),
+        (0.04, 0.9, False),
+    ],
 )
 def test_a_slow_error_that_is_large_beside_the_response_is_open_whatever_was_found(
     size, fraction, open_

@@ -133,8 +133,9 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     slow = slow_error(*about, known, moves, stage.scales.time_constant)
     if slow is not None:
         found.append(replace(slow, answered=loaded))
-    # what may have drawn the noise, or the disturbance, of the data fitted
-    drawn = IMITATORS if slow is not None and slow.steady else {"resonance"}
+    # what may have drawn the noise, or the disturbance, of the data fitted; a mean that is another
+    # in each run is slow, and told by that if it is large
+    drawn = IMITATORS if slow is not None and slow.steady else {"resonance", "offset"}
     broken: dict[str, tuple[float, float]] = {}  # of several forms or plants with it, the most
     for failed in own.failed:
         slot = stage.slots[failed.finding.number]

@@ -20,6 +20,8 @@ _SETTLED = 0.75  # share of a channel's error from which on findings have explai
 _OPEN = 0.12  # share of it that is left and structure, from which on they have not
 _PLAIN, _PART = 0.1, 0.1  # slow error, of a response's spread, and share of what is left that it
 # is, from which on it is open whatever noise is around it
+_EVIDENT, _MOST = 0.05, 0.6  # the same where it is most of what is left: of 1500 logs beside one
+# right name (0.07 and 0.87, a limit of its own form), and beside wrong ones from 0.06 and 0.64
 _ELSEWHERE = 0.08  # slow error, of a response's spread, that weighs beside findings elsewhere,
 _WIND_ELSEWHERE = 0.12  # and one that goes with nothing commanded
 _NO_WIND, _NO_EVEN_WIND = 0.08, 0.16  # the same, beyond which an error is no disturbance, and one
@@ -158,7 +160,8 @@ def unexplained(
 def _plain(left: Unexplained) -> bool:
     """Whether it is a slow error that is large beside the response, and no disturbance."""
     slow = left.puzzling and not left.steady and math.isfinite(left.size)
-    return slow and left.size > _PLAIN and left.fraction > _PART
+    large = left.size > _PLAIN and left.fraction > _PART
+    return slow and (large or (left.size > _EVIDENT and left.fraction > _MOST))
 
 
 def _settled(left: Unexplained, taken: float) -> bool:
