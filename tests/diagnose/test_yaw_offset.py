@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import vdmsi_jax as vj
+from vdmsi_jax.data.derive import steering_from_yaw_rate
 
 DT, FINE = 0.02, 20
 CAR = vj.VehicleGeometry(0.8, 0.7, reference_point="rear_axle")
@@ -50,3 +51,20 @@ def test_each_is_named_with_its_size(hidden, cause, where, unit):
     assert (finding.cause, finding.where, bias.unit) == (cause, where, unit)
     assert bias.value == pytest.approx(next(iter(hidden.values())), abs=max(4 * bias.std, 5e-4))
     assert ("of the yaw rate" in finding.sentence) == ("pulls" in hidden)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("logged", [False, True])
+def test_a_gyroscope_s_bias_is_not_handed_on_by_an_angle_that_was_made_of_it(logged):
+    """Whether the angle is left to the diagnosis, or stands in the log as what it was made of."""
+    made = []
+    for seed in (1, 2, 3):
+        record = drive(seed, gyroscope=0.05)
+        channels = {name: values for name, values in record.channels.items() if name != "delta"}
+        if logged:
+            channels["delta"], _ = steering_from_yaw_rate(record["r"], record["v"], CAR, 0.3)
+        made.append(vj.Record.from_arrays(dt=DT, name=f"run_{seed}", vehicle=CAR, **channels))
+    (finding,) = vj.diagnose(made).findings
+    bias = finding.parameters["bias"]
+    assert (finding.cause, finding.channel) == ("sensor_bias", "r")
+    assert bias.value == pytest.approx(0.05, abs=max(4 * bias.std, 1e-3))

@@ -13,17 +13,21 @@ _SURELY = 5.0  # standard errors, from which the yaw rate has a bias
 
 
 def steering_angle(runs: Runs) -> tuple[np.ndarray, np.ndarray] | None:
-    """Measured road-wheel angle and where it is known; where it was not logged, from speed and yaw
-    rate, less its bias; None where neither was."""
-    if all("delta" in r for r in runs.records):
+    """Measured road-wheel angle and where it is known; where it was not measured, from speed and
+    yaw rate, less its bias; None where neither was."""
+    logged, vehicle = all("delta" in r for r in runs.records), runs.records[0].vehicle
+    bias = yaw_rate_bias(runs) if not logged or derived(runs) else 0.0
+    if logged and bias == 0.0:
         return runs.channel("delta"), runs.seen("delta")
-    vehicle = runs.records[0].vehicle
     if vehicle is None or not all("r" in r and "v" in r for r in runs.records):
         return None
-    v, r = runs.channel("v"), runs.channel("r") - yaw_rate_bias(runs)
+    v, r = runs.channel("v"), runs.channel("r") - bias
     seen = runs.seen("r") & runs.seen("v")
-    usual = float(np.median(np.abs(v[seen]))) if seen.any() else 0.0
-    known = (np.abs(v) > max(_SLOWEST_STEERED, _SLOWER_STEERED * usual)) & seen
+    if logged:
+        known = runs.seen("delta") & seen
+    else:
+        usual = float(np.median(np.abs(v[seen]))) if seen.any() else 0.0
+        known = (np.abs(v) > max(_SLOWEST_STEERED, _SLOWER_STEERED * usual)) & seen
     bicycle = Bicycle.at_reference(vehicle)
     curvature = np.where(known, r / np.where(known, v, 1.0), 0.0)
     limit = 0.99 / max(abs(vehicle.rear_to_reference), 1e-6)
@@ -54,12 +58,15 @@ def yaw_rate_bias(runs: Runs) -> float:
     return middle if sure else 0.0
 
 
-def derived(runs: Runs, angle: tuple[np.ndarray, np.ndarray]) -> bool:
-    """Whether the steering angle was made of the yaw rate, which then tells nothing of its own."""
+def derived(runs: Runs) -> bool:
+    """Whether the steering angle is made of the yaw rate, which then tells nothing of its own: it
+    was not logged, or is just what the two make of each other."""
     vehicle = runs.records[0].vehicle
     if vehicle is None:
         return False
-    v, r, known = runs.channel("v"), runs.channel("r"), angle[1] & runs.seen("r")
-    bicycle = Bicycle.at_reference(vehicle)
-    error = np.abs(np.asarray(bicycle.yaw_rate(v, angle[0])) - r)[known]
+    if not all("delta" in record for record in runs.records):
+        return True
+    v, r, delta = (runs.channel(name) for name in ("v", "r", "delta"))
+    known = runs.seen("delta") & runs.seen("r")
+    error = np.abs(np.asarray(Bicycle.at_reference(vehicle).yaw_rate(v, delta)) - r)[known]
     return bool(error.size and np.median(error) < 1e-6 * max(float(np.std(r[known])), 1e-12))

@@ -169,7 +169,7 @@ def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
     channels = set.intersection(*(set(r.channels) for r in runs.records))
     if vehicle is None or angle is None or "v" not in channels:
         return None
-    by_yaw_rate = "delta" not in channels or derived(runs, angle)
+    by_yaw_rate = derived(runs)
     told = "r" in channels and not by_yaw_rate
     posed = {"x", "y", "psi"} <= channels
     if not told and not posed:
@@ -206,7 +206,7 @@ def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
     return Body(
         smooth["v"], smooth["delta"], v - smooth["v"], delta - smooth["delta"],
         measured, mask, held_out, bicycle, runs.dt, by_yaw_rate, repeats=repeats(runs),
-        yaw_bias=0.0 if "delta" in channels else yaw_rate_bias(runs),
+        yaw_bias=yaw_rate_bias(runs) if by_yaw_rate else 0.0,
     )  # fmt: skip
 
 

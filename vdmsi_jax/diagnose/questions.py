@@ -58,7 +58,7 @@ def evenly_of(runs: Runs, spec: PlantSpec) -> np.ndarray | float:
     """What makes noise as large everywhere: an angle that was made of the yaw rate has that one's
     noise over the speed."""
     angle = steering_angle(runs) if spec.output == "delta" else None
-    if angle is None or not derived(runs, angle):
+    if angle is None or not derived(runs):
         return 1.0
     speed = np.where(angle[1], np.abs(runs.channel("v")), 0.0)
     return speed / max(float(np.mean(speed[angle[1]])), 1e-300)
