@@ -16,6 +16,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..config import CANONICAL
 from ..effects import VEHICLE, AbstractEffect, SensorBias, SensorDelay, SensorLag
+from ..effects.bank import Bank
 from ..effects.base import first_order
 from ..effects.misalignment import Misalignment
 from ..effects.yaw_offset import YawOffset
@@ -107,6 +108,17 @@ CAUSES = (
     *(BodyCause(effect, "sensor", channel) for channel, effect in SENSORS),
 )
 """The causes of this stage, in the order of their parameters."""
+
+INDEX = tuple(
+    tuple(range(a, a + len(c.names)))
+    for a, c in zip(
+        np.cumsum([len(NUISANCE), *(len(c.names) for c in CAUSES)])[:-1], CAUSES, strict=True
+    )
+)
+"""Where each cause has its parameters; the nuisance ones come first."""
+
+BANK = next(i for i, cause in enumerate(CAUSES) if isinstance(cause.effect, Bank))
+"""The number of a road that leans."""
 
 ASKEW = next(i for i, cause in enumerate(CAUSES) if isinstance(cause.effect, Misalignment))
 """The number of wheels that stand askew, which a bias of the angle's sensor is as well."""
@@ -205,13 +217,10 @@ class Body:
         """The same over all samples, counted or not."""
         return replace(self.chain, mask={c: np.ones_like(m) for c, m in self.mask.items()})
 
-    @cached_property
+    @property
     def index(self) -> tuple[tuple[int, ...], ...]:
-        """Where each cause has its parameters; the nuisance ones come first."""
-        ends = np.cumsum([len(NUISANCE), *(len(c.names) for c in CAUSES)])
-        return tuple(
-            tuple(range(a, a + len(c.names))) for a, c in zip(ends[:-1], CAUSES, strict=True)
-        )
+        """As `INDEX`."""
+        return INDEX
 
     @property
     def allowed(self) -> tuple[int, ...]:

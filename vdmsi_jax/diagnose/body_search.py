@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool
 
-from .body import CAUSES, NUISANCE, Body
+from ..effects.bank import STEEPEST
+from .body import BANK, CAUSES, INDEX, NUISANCE, Body
 from .body_fit import (
     BodyFit,
     Lane,
@@ -31,6 +32,7 @@ _REFITTED = 5  # candidates of a screen that are refitted
 _TIMES = ("delay", "time_constant", "length", "lag")
 _LAGGING = ("sensor_lag", "sensor_delay")
 _MUCH = 0.3  # of the error, that data held out bear out
+_STRANGE = 40.0  # what a bank costs, likewise, whose pull no slope makes
 _LATE = (0.03, 0.07, 0.15, 0.32)  # s, that are tried
 
 
@@ -167,8 +169,12 @@ def _taken(body: Body, final: BodyFit, less: BodyFit) -> tuple[str, float]:
 
 
 def score(fit: BodyFit) -> float:
-    """Twice the log-likelihood less the price."""
-    return 2.0 * fit.loglik - price(fit.active)
+    """Twice the log-likelihood less the price, and less what a bank costs that pulls more than its
+    slope can: wheels that stand askew are as good where the paths are not exact."""
+    leans = BANK in fit.active
+    slope, pull = fit.theta[list(INDEX[BANK])]
+    strange = _STRANGE if leans and abs(pull) > STEEPEST * abs(slope) else 0.0
+    return 2.0 * fit.loglik - price(fit.active) - strange
 
 
 def _borne_out(body: Body, now: BodyFit, passed: Sequence[BodyFit]) -> BodyFit | None:

@@ -99,7 +99,8 @@ class Finding:
         gain: realised, on data held out.
         predicted_gain: the same by the first steps from the screen, before the cause was refitted
             under its own colour of noise; None where they led nowhere.
-        share: of the held-out squared error of its channel that it takes away, 0 to 1.
+        share: of the held-out squared error of its channel that it takes away, 0 to 1; of a delay,
+            or of the innovations if that is more.
         rivals: what else was tried, the closest first.
         separating_experiment: what to drive to tell it from its rivals; None if nothing is open.
         sentence: the finding in words.

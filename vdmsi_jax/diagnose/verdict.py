@@ -30,7 +30,7 @@ from .rounding import COARSE, quantised, tells_rounding
 from .runs import Runs
 from .screen import screen
 from .selection import joined
-from .weighing import Weighing, crowd, overshadowed
+from .weighing import Weighing, crowd, of_innovations, overshadowed
 from .words import sentence, summary
 
 _TWINS = {"powertrain": "v", "steering": "delta"}
@@ -223,7 +223,9 @@ class Evidence:
         alone: bool = False,
     ) -> Finding:
         gain = trial.gain
-        share = max(0.0, 1.0 - gain.mse_after / max(gain.mse_before, 1e-300))
+        share = max(
+            1.0 - gain.mse_after / max(gain.mse_before, 1e-300), of_innovations(cause, trial)
+        )
         if road is not None:
             before, after = road.without(cause, less), road.extended_mean
             if alone:  # the baseline, whose order may be another, is a model without it, too

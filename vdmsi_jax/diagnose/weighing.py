@@ -278,6 +278,14 @@ def _of_a_bend(cause: Named, trials: Sequence[tuple[Named, Trial]]) -> bool:
     return bent and bool(sizes.min() > _REACHED * sizes.max())
 
 
+def of_innovations(cause: Named, trial: Trial) -> float:
+    """Share that a delay takes of the innovations of data held out: where a slow error is most of
+    what a model leaves, a chain of lags errs as little, and follows a command otherwise."""
+    if cause.cause != "transport_delay" or cause.search is None:
+        return 0.0
+    return 1.0 - math.exp(-max(trial.worth, 0.0) / float(cause.search.judges.sum()))
+
+
 def _by_brief_noise(cause: Named) -> bool:
     """Whether noise of the error's own colour would not show it."""
     return cause.search is not None and isinstance(cause.search.stage.noise, BriefNoise)

@@ -10,6 +10,9 @@ from vdmsi_jax.parameters import parameter
 COMPLIANCE = 0.06
 """Slip angle of an axle per g of lateral acceleration, rad: usual for road tyres (Milliken and
 Milliken, Race Car Vehicle Dynamics, 1995, ch. 2). A log tells the pull, and with this the slope."""
+STEEPEST = 0.08
+"""Pull per slope, rad, of a vehicle that understeers by 0.008 s^2/m^2, which is much: g times that
+gradient. Beyond it wheels stand askew (in the hunt and the exams banks had up to 0.041)."""
 
 
 class Bank(AbstractEffect):
