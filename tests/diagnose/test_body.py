@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vdmsi_jax.diagnose.body import CAUSES, WINDOW, Body, increments
-from vdmsi_jax.diagnose.body_fit import fit_body
-from vdmsi_jax.diagnose.body_search import BodySearch, search_body
+from vdmsi_jax.diagnose.body import BANK, CAUSES, INDEX, WINDOW, Body, increments
+from vdmsi_jax.diagnose.body_fit import BodyFit, fit_body
+from vdmsi_jax.diagnose.body_search import BodySearch, price, score, search_body
 from vdmsi_jax.diagnose.leftover import jumps_of_pose
 from vdmsi_jax.diagnose.noise import Pair
 from vdmsi_jax.models.bicycle import Bicycle
@@ -198,3 +198,16 @@ def test_a_sensor_is_late_by_a_lag_or_by_a_delay():
         r[:, k] = keep * r[:, k - 1] + (1.0 - keep) * r[:, k]
     found = found_in(replace(body, measured={"r": r}))
     assert len({"sensor_lag", "sensor_delay"} & set(found)) == 1
+
+
+@pytest.mark.parametrize(
+    ("slope", "pull", "strange"), [(-0.15, -0.0055, False), (-0.15, -0.0195, True)]
+)
+def test_a_bank_pulls_no_more_than_its_slope_can(slope, pull, strange):
+    """As a road of the hunt does, and as the wheels of a sedan that stand askew were told."""
+    theta = np.zeros(max(map(max, INDEX)) + 1)
+    theta[list(INDEX[BANK])] = slope, pull
+    none = np.zeros((0, 0))
+    fits = [BodyFit(on, theta, 0.0, {}, {}, {}, {}, {}, {}, (), none) for on in ((), (BANK,))]
+    without, leaning = (score(fit) for fit in fits)
+    assert (without - leaning > price((BANK,)) + 1.0) == strange

@@ -27,7 +27,7 @@ from vdmsi_jax.diagnose.runs import Runs
 from vdmsi_jax.diagnose.stage import Stage
 from vdmsi_jax.diagnose.unexplained import BURSTS, WORSE
 from vdmsi_jax.diagnose.verdict import _or_else
-from vdmsi_jax.diagnose.weighing import Weighing, _of_a_bend, crowd
+from vdmsi_jax.diagnose.weighing import Weighing, _of_a_bend, crowd, of_innovations
 
 
 def searched(noise: Noise) -> Search:
@@ -359,3 +359,14 @@ def test_a_body_that_is_slightly_another_is_every_vehicle(where, statistic, afte
     seen = {"scale": Estimate(-0.003, 0.0005, "1")}
     told = replace(finding("speed_scale", 0.2), where=where, parameters=seen, gain=own)
     assert WEIGHING._negligible(replace(told, statistic=statistic)) is nothing
+
+
+@pytest.mark.parametrize(("cause", "share"), [("transport_delay", 0.43), ("resonance", 0.0)])
+def test_a_delay_has_the_share_that_it_takes_of_the_innovations(cause, share):
+    """A second at ten rows a second of a motor whose slow error a chain of lags leaves as well."""
+    search = searched(OwnNoise())
+    nothing = np.zeros((1, 645), bool)
+    object.__setattr__(search.stage, "held_out", ~nothing)
+    object.__setattr__(search.stage, "mask", nothing)
+    told = replace(trial(0.0), worth=359.1)
+    assert of_innovations(named(cause, search=search), told) == pytest.approx(share, abs=0.005)
