@@ -68,3 +68,22 @@ def test_a_gyroscope_s_bias_is_not_handed_on_by_an_angle_that_was_made_of_it(log
     bias = finding.parameters["bias"]
     assert (finding.cause, finding.channel) == ("sensor_bias", "r")
     assert bias.value == pytest.approx(0.05, abs=max(4 * bias.std, 1e-3))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("bias", [0.0, 0.02])
+def test_a_bias_beside_noise_that_wanders_is_told_by_what_data_held_out_say(bias):
+    """Noise of its own colour takes a constant for noise, and hardly anything tells it then."""
+    made, keep = [], np.exp(-DT / 4.0)
+    for seed in (1, 2, 3):
+        record, rng = drive(seed, gyroscope=bias), np.random.default_rng(50 + seed)
+        pushed, wander = rng.standard_normal(record.n), np.zeros(record.n)
+        for k in range(1, record.n):
+            wander[k] = keep * wander[k - 1] + 0.01 * np.sqrt(1.0 - keep**2) * pushed[k]
+        channels = {**record.channels, "r": record["r"] + wander}
+        made.append(vj.Record.from_arrays(dt=DT, name=record.name, vehicle=CAR, **channels))
+    found = vj.diagnose(made)
+    assert [(f.cause, f.channel) for f in found.findings] == [("sensor_bias", "r")] * (bias > 0.0)
+    if bias > 0.0:
+        told = found.findings[0].parameters["bias"]
+        assert told.value == pytest.approx(bias, abs=2.5 * told.std)

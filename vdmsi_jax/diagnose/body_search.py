@@ -33,6 +33,7 @@ _TIMES = ("delay", "time_constant", "length", "lag")
 _LAGGING = ("sensor_lag", "sensor_delay")
 _MUCH = 0.3  # of the error, that data held out bear out
 _STRANGE = 40.0  # what a bank costs, likewise, whose pull no slope makes
+_CONSTANT = {k for k, cause in enumerate(CAUSES) if cause.cause in ("sensor_bias", "offset")}
 _LATE = (0.03, 0.07, 0.15, 0.32)  # s, that are tried
 
 
@@ -97,21 +98,22 @@ def search_body(body: Body) -> BodySearch:
         if other is None or score(other) < score(now) + SWAPPED:
             break
         now = polished(body, other)
-    more = _borne_out(body, now, passed)
-    if more is not None:
-        now, findings = more, _findings(body, more)[0]
     failed: list[BodyFailed] = []
-    while findings:
+    while True:
+        more = _borne_out(body, now, passed)
+        if more is not None:
+            now, findings = more, _findings(body, more)[0]
         worth = [_confirmed(body, now, f.less) for f in findings]
-        worst = worth.index(min(worth))
-        if worth[worst] > 0.0:
+        if min(worth, default=np.inf) > 0.0:
             break
+        worst = worth.index(min(worth))
         usual = _usual(body, now, findings[worst].number)
         where = _taken(body, now, findings[worst].less)
         failed.append(BodyFailed(findings[worst], *where, usual))
         body = body.without(findings[worst].number)
         now = _eliminated(body, polished(body, findings[worst].less))
-        now = _eliminated(body, _extended(body, now, timed=False)[0])
+        now, passed = _extended(body, now, timed=False)
+        now = _eliminated(body, now)
         findings, _ = _findings(body, now)
     return BodySearch(body, plain, robust(body, now), findings, tuple(failed))
 
@@ -144,7 +146,11 @@ def _scored(
     body: Body, final: BodyFit, less: BodyFit, channel: str, use: Bool[np.ndarray, "R N"]
 ) -> Scored:
     y = body.measured[channel]
-    before, after = (y - residual(body, f, channel, use) for f in (less, final))
+    left = [residual(body, f, channel, use) for f in (less, final)]
+    if _CONSTANT & set(less.active) & set(final.active):  # data held out may have another one
+        many = np.maximum(use.sum(axis=1, keepdims=True), 1)
+        left = [np.where(use, e - e.sum(axis=1, keepdims=True) / many, 0.0) for e in left]
+    before, after = (y - e for e in left)
     return Scored(channel, y, before, after, final.colour[channel])
 
 
@@ -180,7 +186,8 @@ def score(fit: BodyFit) -> float:
 def _borne_out(body: Body, now: BodyFit, passed: Sequence[BodyFit]) -> BodyFit | None:
     """The best of fits with a cause more that are not worth its price, and yet take much of the
     error in a channel, which lasts on data held out: of what is constant, an estimated colour takes
-    most of the evidence."""
+    most of the evidence, so that constants are always among them where the mean is much of an
+    error. The best takes most of the errors of all channels."""
 
     def lasts(f: BodyFit, channel: str) -> bool:
         scored, use, held = chained(body, f, now, channel)
@@ -191,9 +198,24 @@ def _borne_out(body: Body, now: BodyFit, passed: Sequence[BodyFit]) -> BodyFit |
         took = min(_scored(body, f, now, channel, mask).taken(mask) for mask in masks)
         return held and bool(sure) and worth > CAUSE_COST and took > _MUCH
 
-    more = [f for f in passed if set(now.active) < set(f.active) and f.loglik > now.loglik]
+    def takes(f: BodyFit) -> float:
+        left = [1.0 - _scored(body, f, now, c, m).taken(m) for c, m in body.mask.items()]
+        return -float(np.sum(np.log(np.maximum(left, 1e-300))))
+
+    every = [*passed, *_constants(body, now, passed)]
+    more = [f for f in every if set(now.active) < set(f.active) and f.loglik > now.loglik]
     fits = [f for f in more if any(lasts(f, channel) for channel in body.measured)]
-    return max(fits, key=score, default=None)
+    return max(fits, key=takes, default=None)
+
+
+def _constants(body: Body, now: BodyFit, passed: Sequence[BodyFit]) -> list[BodyFit]:
+    """Fits with a constant more that were not tried, where the mean is much of an error."""
+    errors = [residual(body, now, c, m)[m] for c, m in body.mask.items()]
+    if all(np.mean(e) ** 2 < _MUCH * np.mean(e**2) for e in errors):
+        return []
+    known = {frozenset(f.active) for f in passed}
+    starts = [_with(now, k, theta) for _, k, theta in screen_body(body, now) if k in _CONSTANT]
+    return refit_body(body, [s for s in starts if frozenset(s[0]) not in known])
 
 
 def _extended(body: Body, now: BodyFit, timed: bool) -> tuple[BodyFit, Sequence[BodyFit]]:
