@@ -38,9 +38,8 @@ def signal(n=96):
 
 def test_these_are_all_ports():
     public = {name for name, _ in inspect.getmembers(AbstractEffect) if not name.startswith("_")}
-    assert public - {"cause", "weight", "remembers", "scaled", "probes"} == {
-        *ALONG, *BODY, "load", "effort",
-    }  # fmt: skip
+    told = {"cause", "weight", "remembers", "hides_small", "scaled", "probes"}
+    assert public - told == {*ALONG, *BODY, "load", "effort", "rested"}
 
 
 @every_effect
@@ -59,6 +58,8 @@ def test_a_signal_passes_the_ports_untouched(effect):
         np.testing.assert_array_equal(out, into, err_msg=port)
     for made in forms(effect):
         np.testing.assert_array_equal(made.load(beside), np.zeros(fine.size))
+        for level in map(jnp.asarray, y):
+            np.testing.assert_array_equal(made.rested(level), level)
 
 
 @every_effect
