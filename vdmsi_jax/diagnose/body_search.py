@@ -32,7 +32,7 @@ _REFITTED = 5  # candidates of a screen that are refitted
 _TIMES = ("delay", "time_constant", "length", "lag")
 _LAGGING = ("sensor_lag", "sensor_delay")
 _MUCH = 0.3  # of the error, that data held out bear out
-_STRANGE = 40.0  # what a bank costs, likewise, whose pull no slope makes
+_STRANGE = 40.0  # what a bank costs whose pull no slope makes, in twice the log-likelihood
 _CONSTANT = {k for k, cause in enumerate(CAUSES) if cause.cause in ("sensor_bias", "offset")}
 _LATE = (0.03, 0.07, 0.15, 0.32)  # s, that are tried
 

@@ -142,8 +142,11 @@ def _search(stage: Stage, may_step: bool = False) -> Search:
                 now = again  # a name that is worth less than its price, and yet told
             continue
         findings, other = findings_of(stage, findings, now, seen, path.barred)
-        may = other is not None and path.may_swap(other.hypothesis.kind)
-        if other is not None and may and _takes_over(stage, now, other, seen):
+        if (
+            other is not None
+            and path.may_swap(other.hypothesis.kind)
+            and _takes_over(stage, now, other, seen)
+        ):
             path.swap(other.hypothesis.kind)
             now = other
             continue
