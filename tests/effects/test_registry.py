@@ -1,6 +1,7 @@
 """The registry against the contract: every word is there, described, and has probes that are on."""
 
 import inspect
+from dataclasses import replace
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -87,6 +88,14 @@ def test_an_effect_knows_whether_it_acts_between_the_rows(effect):
         name for name in between if getattr(type(effect), name) is not vars(AbstractEffect)[name]
     }
     assert effect.remembers == bool(own)
+
+
+def test_a_play_of_the_command_and_only_that_hides_its_small_movements():
+    plays = [effect for effect in REGISTRY if effect.hides_small]
+    assert [(effect.cause, effect.at) for effect in plays] == [("backlash", "command")]
+    u = jnp.array([0.0, 1.0, 0.9, 1.0, 0.95, 1.0])
+    played = replace(plays[0], gap=jnp.asarray(0.3)).command(u, Signals.plain(u.size, 0.1))
+    np.testing.assert_array_equal(played[1:], played[1])
 
 
 @every_bench

@@ -31,6 +31,11 @@ class Backlash(AbstractEffect):
         """A held command plays at the rows alone."""
         return self.at == "response"
 
+    @property
+    def hides_small(self) -> bool:
+        """A play of the command stops what is smaller than its gap."""
+        return self.at == "command"
+
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
         size = scales.command if self.at == "command" else scales.response
         return [(k * size,) for k in (0.01, 0.03, 0.08, 0.2)]
