@@ -373,3 +373,12 @@ def test_where_rough_ground_goes_with_the_commands_only_events_are_the_model_s()
 def test_a_cause_beside_a_load_that_is_answered_takes_enough(answered, share, hides_small, drowned):
     load = Unexplained("y", 0.9, (), (), "a slow error", steady=True, answered=answered, size=0.1)
     assert Remains((load,), ()).drowns("y", share, hides_small) is drowned
+
+
+def test_a_small_error_of_the_first_moments_of_a_run_is_what_went_on_before():
+    knock = 0.5 * np.exp(-(((T - 1.0) / 0.5) ** 2))[None]
+    masks = EVERYWHERE, ~EVERYWHERE
+    later = slow_error("v", NOISE + np.roll(knock, N // 2), NOISE, RESPONSE, ASKED, masks, DT)
+    assert later is not None and not later.steady
+    assert SMALL < later.size < 0.05
+    assert slow_error("v", NOISE + knock, NOISE, RESPONSE, ASKED, masks, DT) is None

@@ -47,6 +47,8 @@ FAITHFUL = 0.005
 noise leave nothing but the rounding of the integration, which surely goes with what is asked."""
 _OF_LEVEL = 0.25  # of the largest response, which counts as spread where it is larger
 _BESIDE = 1.2  # innovations
+_BEGINS, _BEGUN, _BEGINNING = 2.0, 5.0, 0.25  # s, time constants, and at most so much of a run, in
+# which an error may be what a plant was doing before
 _WINDOW = 0.5  # s
 _OUTLIERS = 0.2  # of the samples, that may stand out in a window and the two beside it
 _LASTS = 2.5  # times the usual error without these, which an event has
@@ -123,9 +125,11 @@ def slow_error(
         noise: standard deviation of what is slow and known to be noise.
         moving: where a vehicle moves: while it stands, wind and rough ground do nothing, and they
             would seem to go with what is asked.
-        time_constant: of the plant, s: few of them hint at nothing, whatever makes the error.
+        time_constant: of the plant, s: few of them hint at nothing, whatever makes the error, and
+            a small error of the first few of a run is what went on before.
     """
     known = masks[0] | masks[1]
+    begun = known & _begun(known, max(_BEGINS, _BEGUN * time_constant) / dt)
     scored = None
     for use, least in zip(masks, (LARGE, LARGE_HELD_OUT), strict=True):
         if not use.any():
@@ -141,6 +145,8 @@ def slow_error(
         large = size > max(least * spread, _BESIDE * fast)
         if not large and max(along, rare) < _SURELY:
             continue
+        if not large and max(scores(residual, asked, begun & moving, dt)) < _SURELY:
+            continue
         parted = apart(residual, known, dt)
         made = along > _GOES_ALONG or rare > _RARE or parted > _APART
         share = min(size**2 / max(float(np.mean(residual[use] ** 2)), 1e-300), 1.0)
@@ -155,6 +161,12 @@ def slow_error(
             channel, share, ("t",), (), words, puzzling, size, steady=steady, even=even
         )
     return None
+
+
+def _begun(known: Bool[np.ndarray, "R N"], rows: float) -> Bool[np.ndarray, "R N"]:
+    """Where more than so many rows of a run are past, or so much of it that most is left."""
+    past = np.cumsum(known, axis=1)
+    return past > np.minimum(rows, _BEGINNING * past[:, -1:])
 
 
 def slow_sizes(
@@ -230,7 +242,7 @@ def _worse(e, residual, mask, held_out, dt):
     """Share of the innovations' variance on data held out that is more than on data fitted, and
     more than what the sensor is noisier there, as the differences of samples tell."""
     settled = held_out.copy()
-    settled[:, : round(2.0 / dt)] = False
+    settled[:, : round(_BEGINS / dt)] = False
     if settled.sum() < 200 or mask.sum() < 200:
         return None
     e = e - moving_mean(np.where(mask | held_out, e, 0.0), SLOW, dt)  # `slow_error` tells the rest
