@@ -341,6 +341,14 @@ def test_data_that_hardly_show_a_cause_do_not_speak_against_it():
     assert not replace(weak, faint=True).believed(0.1, puzzling=True)
 
 
+def test_what_makes_errors_that_last_says_the_same_over_and_over():
+    """A change that lasts a quarter of the data is four of them, and not as many as its blocks."""
+    change = np.repeat([0.3, 0.1, 0.4, 0.2], N // 4)[None]
+    brief = Scored("v", RESPONSE + NOISE, RESPONSE - change, RESPONSE, np.zeros(1))
+    ses = [gain_of(replace(brief, memory=m), EVERYWHERE, True, DT).se for m in (1.0, 15.0)]
+    assert ses[1] > 1.5 * ses[0]
+
+
 def test_one_event_does_not_outweigh_all_that_a_cause_explains():
     before, after = np.full((1, T.size), 0.1), np.zeros((1, T.size))
     after[:, :100] = 2.0

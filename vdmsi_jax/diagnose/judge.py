@@ -9,8 +9,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from .colour import whiten
+from .hypothesis import Refit
 from .result import Gain
-from .windows import SLOW, block_sums, blocks_in, moving_mean
+from .stage import Stage
+from .windows import BLOCK, SLOW, block_sums, blocks_in, moving_mean
 
 _STEADY, _VERY_STEADY = 2.0, 3.0  # standard errors by blocks
 _MUCH, _MOST, NEARLY_ALL = 0.25, 0.5, 0.85  # share of the squared error
@@ -29,6 +31,7 @@ class Scored:
         y: (runs, N) measured.
         before, after: (runs, N) simulated without and with the cause.
         colour: whitening filter of the model with it.
+        memory: of what makes the errors, s: a slow plant keeps what disturbs it.
     """
 
     channel: str
@@ -36,6 +39,12 @@ class Scored:
     before: Float[np.ndarray, "R N"]
     after: Float[np.ndarray, "R N"]
     colour: Float[np.ndarray, " order"]
+    memory: float = BLOCK
+
+    @classmethod
+    def of_stage(cls, stage: Stage, before: Refit, after: Refit, channel: str = "") -> "Scored":
+        """The response of a stage, by two models of it."""
+        return cls(channel, stage.y, before.y, after.y, after.colour, stage.scales.time_constant)
 
     def taken(self, use: Bool[np.ndarray, "R N"]) -> float:
         """Share of the squared error that the cause takes away."""
@@ -44,7 +53,7 @@ class Scored:
 
     def parts(self, use: Bool[np.ndarray, "R N"], dt: float) -> Float[np.ndarray, " blocks"]:
         """The same, block by block."""
-        blocks = blocks_in(int(use.sum()), dt, _BLOCKS)
+        blocks = blocks_in(int(use.sum()), dt, _BLOCKS, self.memory)
         before, after = (
             np.maximum(block_sums((self.y - y)[use] ** 2, blocks), 1e-300)
             for y in (self.before, self.after)
@@ -110,7 +119,7 @@ def gain_of(scored: Scored, use: Bool[np.ndarray, "R N"], held_out: bool, dt: fl
     y = scored.y[use]
     before, after = (scored.y - scored.before)[use], (scored.y - scored.after)[use]
     fits = fit_percent(y, before), fit_percent(y, after)
-    blocks = blocks_in(int(use.sum()), dt, _BLOCKS)
+    blocks = blocks_in(int(use.sum()), dt, _BLOCKS, scored.memory)
     label = np.arange(y.size) * blocks // y.size
     kept = [label != b for b in range(blocks)]
     changes = np.array([fit_percent(y[k], after[k]) - fit_percent(y[k], before[k]) for k in kept])
@@ -129,7 +138,7 @@ def confirmed(scored: Scored, use: Bool[np.ndarray, "R N"], dt: float) -> tuple[
         e = np.where(use, scored.y - simulated, 0.0)
         squares.append(whiten(e[None], scored.colour[None])[0][use] ** 2)
     before, after = (max(float(np.mean(s)), 1e-300) for s in squares)
-    blocks = blocks_in(int(use.sum()), dt)
+    blocks = blocks_in(int(use.sum()), dt, memory=scored.memory)
     parts = block_sums((squares[0] - squares[1]) / after, blocks)
     return float(use.sum()) * float(np.log(before / after)), float(parts.var(ddof=1) * parts.size)
 

@@ -97,6 +97,7 @@ def findings_of(
         large = _by_cause(stage, large, kept)
         again = refit(stage, [reduced(stage, f.hypothesis, order) for f in large.values()])
         fits += [f for f in again if 2.0 * (f.loglik - less.loglik) > _ABLE * gain]
+        fits = [f for f in fits if own.cause == swing.CAUSE or not _drifts(stage, f, kept)]
         best = _by_cause(stage, fits, kept)
         tried += best.values()
         rivals = [
@@ -116,6 +117,13 @@ def findings_of(
         found.append(replace(finding, others=others, promised=promised, alike=tuple(alike)))
     best_other = max(tried, key=lambda f: score(stage, f), default=None)
     return tuple(found), best_other
+
+
+def _drifts(stage: Stage, fit: Refit, kept: set[int]) -> bool:
+    """Whether what stands in a cause's place is a periodic disturbance that hardly swings."""
+    swings = swing.number_of(stage, sorted(kept)) is None
+    frequency = fit.hypothesis.frequency(stage) if swings else None
+    return frequency is not None and swing.drifts(stage, frequency)
 
 
 def _by_cause(stage: Stage, fits: Sequence[Refit], kept: set[int]) -> dict[int, Refit]:

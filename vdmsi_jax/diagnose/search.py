@@ -87,7 +87,7 @@ def _bears_out(found: Search, other: Search) -> bool:
     if not other.findings:
         return False
     stage = found.stage
-    scored = Scored("", stage.y, found.final.y, other.final.y, other.final.colour)
+    scored = Scored.of_stage(stage, found.final, other.final)
     gain = gain_of(scored, stage.held_out, True, stage.dt)
     sure = gain.after - gain.before > SURE * gain.se
     return sure and scored.taken(stage.held_out) > _TAKES
@@ -172,8 +172,7 @@ def _failing(found: Search) -> int | None:
     worth = [_confirmed(found, f) for f in found.findings]
     if len(worth) > 1 and _untold(found, found.findings[-1]):
         worth[-1] = min(worth[-1], 0.0)
-    y = found.stage.y
-    against = Scored("", y, found.plain.y, found.final.y, found.final.colour)
+    against = Scored.of_stage(found.stage, found.plain, found.final)
     if not worth or (min(worth) > 0.0 and not _worse(against, found.stage)):
         return None
     return _first_out(found.findings, worth)
@@ -231,7 +230,7 @@ def _confirmed(found: Search, finding: Finding) -> float:
     if stage.held_out.sum() <= FEW:
         return finding.gain
     less = found.without(finding)
-    scored = Scored("", stage.y, less.y, found.final.y, found.final.colour)
+    scored = Scored.of_stage(stage, less, found.final)
     worth = confirmed(scored, stage.held_out, stage.dt)[0]
     fails = _worse(scored, stage) or _drawn(stage, finding.number, scored)
     return -abs(worth) if fails else worth
@@ -300,7 +299,7 @@ def _borne_out(found: Search, seen: Mapping[tuple, Refit], known: set[int]) -> R
     ]
     best, most = None, 0.0
     for f, whole in zip(fits, completed(stage, fits) if fits else [], strict=True):
-        scored = Scored("", stage.y, final.y, whole.y, whole.colour)
+        scored = Scored.of_stage(stage, final, whole)
         gain = gain_of(scored, stage.held_out, True, stage.dt)
         worth = confirmed(scored, stage.held_out, stage.dt)[0]
         taken = scored.taken(stage.held_out)

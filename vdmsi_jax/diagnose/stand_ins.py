@@ -94,5 +94,5 @@ def _instead(channel: str, cause: str, better: Explained) -> Unexplained:
 
 def took(stage: Stage, finding: Finding, final: Refit) -> float:
     """Share of the squared error that a cause takes in a model where that was fitted."""
-    scored = Scored("", stage.y, finding.less.y, final.y, final.colour)
+    scored = Scored.of_stage(stage, finding.less, final)
     return max(scored.taken(stage.mask), 0.0)

@@ -9,6 +9,8 @@ from jaxtyping import Bool, Float, Inexact
 from .stage import Stage
 
 CAUSE = "periodic_disturbance"
+FEWEST = 3.0
+"""Swings in the longest run, below which any slow error has one."""
 _PEAKS = 3  # of a spectrum that are tried
 _SWINGS = 5  # of a mode, in a run, from which on it may tell a disturbance
 _NEAR = 8  # lines of a spectrum, within which two peaks are one
@@ -24,6 +26,12 @@ def goes_on(stage: Stage, poles: Inexact[np.ndarray, " n"]) -> Bool[np.ndarray, 
     runs: what it tells is a periodic disturbance, by the states at the starts."""
     turned = poles * stage.pace * stage.dt * stage.u.shape[1]
     return (np.abs(turned.imag) > 2.0 * np.pi * _SWINGS) & (np.abs(turned.real) < 1.0)
+
+
+def drifts(stage: Stage, frequency: float) -> bool:
+    """Whether a periodic disturbance of a frequency, Hz, hardly swings: it is a level of each run's
+    own then, or a trend."""
+    return frequency * stage.scales.duration < FEWEST
 
 
 def columns(stage: Stage, frequency: float) -> Float[np.ndarray, "2 N"]:

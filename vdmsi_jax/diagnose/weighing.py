@@ -14,6 +14,7 @@ from .naming import Named
 from .noise import BriefNoise
 from .result import RESTS, ChannelScore, Finding, Gain
 from .runs import Runs
+from .swing import FEWEST
 
 MINOR = 0.03
 """Share of the held-out squared error of its channel, with no cause or with all others, below which
@@ -39,8 +40,6 @@ _SAME = 0.01  # of a yaw rate, that no body is known better by
 _DRAGGED, _DRAG = 0.5, 0.25  # points of FIT and share, below which both a speed that falls in bends
 # and leaves the path as it was is every vehicle's: of a physics engine's cars up to 0.28 and 0.15
 _TURNS = 0.1  # s, below which a body's lag by its inertia is every vehicle's
-_SWINGS = 3.0  # in the longest run, of a mode or a periodic disturbance, below which any slow error
-# has it
 _BLURRED = 0.2  # of a swing, that the frequency may be off over the longest run: wind had 0.29
 _DAMPED = 0.24  # ratio, from which a mode is rather two poles that the plant lacks
 _KINDS = (
@@ -254,13 +253,13 @@ class Weighing:
             none = value < 0.0 or (value < _BUS and g.after - g.before < _LATE)
         elif found.cause == "periodic_disturbance":
             frequency = found.parameters["frequency"]
-            none = frequency.value * self._longest < _SWINGS
+            none = frequency.value * self._longest < FEWEST
             none = none or frequency.std * self._longest > _BLURRED
         elif found.cause == "resonance":
             damping = found.parameters["damping"].value
             none = damping > _DAMPED or (damping > _LIGHT and self._part(g) < _ADDS)
             frequency = found.parameters["frequency"].value
-            none = none or frequency * self._longest < _SWINGS or frequency * dt > 0.5
+            none = none or frequency * self._longest < FEWEST or frequency * dt > 0.5
         if found.where in ("vehicle", "sensor"):
             none = none or (found.statistic < _SLIGHT and g.after - g.before < _SLIGHT_POINTS)
         worse = g.ate_before is not None and g.ate_after is not None and g.ate_after > g.ate_before

@@ -31,10 +31,10 @@ def history(x: Float[np.ndarray, "R N"], seconds: float, dt: float) -> Float[np.
     return summed / np.cumsum(weights)
 
 
-def blocks_in(samples: int, dt: float, most: int | None = None) -> int:
+def blocks_in(samples: int, dt: float, most: int | None = None, memory: float = BLOCK) -> int:
     """How many stretches over which errors count as independent so many samples are, two at the
-    least, and `most`."""
-    blocks = min(int(samples * dt / BLOCK), samples // _SAMPLES)
+    least, and `most`; none is shorter than what makes the errors remembers, s."""
+    blocks = min(int(samples * dt / max(memory, BLOCK)), samples // _SAMPLES)
     return max(2, blocks if most is None else min(blocks, most))
 
 
