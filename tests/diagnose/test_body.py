@@ -72,8 +72,7 @@ def found_in(body: Body) -> dict[str, float]:
     """Causes and their values."""
     found = search_body(body)
     return {
-        CAUSES[f.number].cause: float(found.final.theta[body.index[f.number][0]])
-        for f in found.findings
+        CAUSES[f.number].cause: float(found.final.theta[INDEX[f.number][0]]) for f in found.findings
     }
 
 

@@ -25,7 +25,7 @@ from ..parameters import parameters, with_values
 from ..programs import Kept, Static
 from ..units import si_symbol
 from .chain import Chain
-from .colour import filter_length, settled
+from .colour import filter_length, forgetting, least_squares, settled
 from .noise import PER_LAG, Pair, differences, shared
 
 WINDOW = 0.5
@@ -136,6 +136,7 @@ class Body:
         bicycle: geometry; `dt`: sample period, s.
         by_yaw_rate: whether the angle was made of yaw rate and speed: a hypothesis that changes
             the speed changes the angle then, and leaves the yaw rate.
+        memory: of the noise of the yaw rate at the most, s; none is set by default.
         yaw_bias: of the yaw rate, rad/s, that was taken out of the angle; it is for a hypothesis to
             say it.
         refuted: numbers of the causes that failed on data held out.
@@ -155,6 +156,7 @@ class Body:
     refuted: tuple[int, ...] = ()
     repeats: tuple[Pair, ...] = ()
     yaw_bias: float = 0.0
+    memory: float | None = None
 
     def without(self, cause: int) -> "Body":
         """The same without one more cause."""
@@ -200,6 +202,18 @@ class Body:
             return left, self.counted[channel]
         return differences(self.repeats, left), self._repeated[channel]
 
+    def colour(
+        self, channel: str, left: Float[np.ndarray, "R N"], repeated: bool = True
+    ) -> Float[np.ndarray, " order"]:
+        """Colour of the noise that a residual of a channel is; if `repeated`, of what repeats
+        differ by where there are some."""
+        order = self.order[channel]
+        told = self.noise(channel, left) if repeated else (left, self.counted[channel])
+        colour = least_squares(*told, order)
+        if self.memory is None or channel != "r":
+            return colour
+        return colour * forgetting(order, self.memory, self.dt)
+
     @property
     def nuisance(self) -> tuple[int, ...]:
         """The nuisance parameters that the channels at hand could show."""
@@ -216,11 +230,6 @@ class Body:
     def everywhere(self) -> Chain:
         """The same over all samples, counted or not."""
         return replace(self.chain, mask={c: np.ones_like(m) for c, m in self.mask.items()})
-
-    @property
-    def index(self) -> tuple[tuple[int, ...], ...]:
-        """As `INDEX`."""
-        return INDEX
 
     @property
     def allowed(self) -> tuple[int, ...]:

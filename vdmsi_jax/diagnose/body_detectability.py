@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 from jaxtyping import Float
 
-from .body import CAUSES
+from .body import CAUSES, INDEX
 from .body_fit import Lane, bounds, slopes
 from .body_search import BodySearch, may_join
 from .detectability import ALIKE, SURE, open_about
@@ -28,7 +28,7 @@ def detectable_in_body(found: BodySearch) -> list[Detectable]:
     """
     body, at = replace(found.body, refuted=()), found.final
     causes = [k for k in body.allowed if may_join(k, at)]
-    own = [body.index[k][0] for k in causes]
+    own = [INDEX[k][0] for k in causes]
     usual, other = list(body.nuisance), [i for i in at.free if i not in body.nuisance]
     lane = Lane.of(body, at)
     normal, _, _ = lane.equations(slopes(body, [lane], [[*own, *usual, *other]])[0])

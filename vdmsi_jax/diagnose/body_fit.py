@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from .body import CAUSES, LAGS, NUISANCE, Body
+from .body import CAUSES, INDEX, LAGS, NUISANCE, Body
 from .chain import regress
-from .colour import least_squares, whiten
+from .colour import whiten
 from .windows import BLOCK, block_sums, widening
 
 _MOST = 5.0  # of a parameter of the body, in its unit
@@ -58,7 +58,7 @@ def fit_body(
         if start is not None:
             kept = [
                 *body.nuisance,
-                *(i for k in start.active if k in active for i in body.index[k]),
+                *(i for k in start.active if k in active for i in INDEX[k]),
             ]
             theta[kept] = start.theta[kept]
         starts.append((tuple(active), theta))
@@ -137,7 +137,7 @@ class Lane:
 
     def __init__(self, body: Body, active: tuple[int, ...], theta: np.ndarray):
         self.body, self.active, self.theta = body, active, theta
-        self.free = (*body.nuisance, *(i for k in active for i in body.index[k]))
+        self.free = (*body.nuisance, *(i for k in active for i in INDEX[k]))
         self.y: dict[str, np.ndarray] = {}
         self.colour: dict[str, np.ndarray] = {}
         self.variance: dict[str, float] = {}
@@ -177,7 +177,7 @@ class Lane:
                 w = whiten(np.concatenate([e[c][None], X])[None], colour[None])[0][:, counted]
                 self.shares[c] = regress(w[1:], w[0])
                 left = e[c] - np.tensordot(self.shares[c], X, 1)
-                colour = least_squares(*self.body.noise(c, left), order)
+                colour = self.body.colour(c, left)
             self.colour[c] = colour
             white = whiten(np.concatenate([left[None], X])[None], colour[None])[0][:, counted]
             self.variance[c] = float(np.mean(white[0] ** 2))

@@ -1,7 +1,7 @@
 """The search for causes in the body, the road and the sensors, as the actuators' search does it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool
@@ -20,11 +20,12 @@ from .body_fit import (
     robust,
     slopes,
 )
-from .colour import least_squares, whiten
+from .colour import whiten
 from .found import FEW, MARGIN
-from .judge import Scored, confirmed
+from .judge import Scored, confirmed, gain_of
 from .price import CAUSE_COST, PARAMETER_COST
-from .search import MADE_UP, SURE, SWAPPED, SWAPS, WORSENED
+from .search import LARGE, LASTING, MADE_UP, SURE, SWAPPED, SWAPS, TAKES, WORSENED
+from .unexplained import extent
 
 _CHANNELS_COST = 8.0
 _MOST = 7
@@ -34,6 +35,7 @@ _LAGGING = ("sensor_lag", "sensor_delay")
 _MUCH = 0.3  # of the error, that data held out bear out
 _STRANGE = 40.0  # what a bank costs whose pull no slope makes, in twice the log-likelihood
 _CONSTANT = {k for k, cause in enumerate(CAUSES) if cause.cause in ("sensor_bias", "offset")}
+_BRIEF = 0.1  # s, that noise of the yaw rate may last where its own colour takes too much
 _LATE = (0.03, 0.07, 0.15, 0.32)  # s, that are tried
 
 
@@ -88,7 +90,41 @@ def price(active: Sequence[int]) -> float:
 
 
 def search_body(body: Body) -> BodySearch:
-    """Find the causes that the body's channels support, as the actuators' search does."""
+    """Find the causes that the body's channels support, as the actuators' search does; where noise
+    of its own colour leaves an error of the yaw rate that is large and lasts, those by noise that
+    is brief, if data held out bear these out."""
+    found = _searched(body)
+    if not _lasts(found):
+        return found
+    other = _searched(replace(body, memory=_BRIEF))
+    return other if _bears_out(found, other) else found
+
+
+def _lasts(found: BodySearch) -> bool:
+    """As in the actuators' search: a colour that is estimated takes a steady error of the yaw rate
+    for noise, and what its onset is like, which no form has exactly, tells the cause."""
+    body, final = found.body, found.final
+    if "r" not in body.measured or body.held_out["r"].sum() <= FEW:
+        return False
+    mask = body.mask["r"]
+    error = float(np.mean(residual(body, final, "r", mask)[mask] ** 2))
+    size = np.sqrt(error) / extent(body.measured["r"][mask])
+    return bool(size > LARGE and error > LASTING * final.variance["r"])
+
+
+def _bears_out(found: BodySearch, other: BodySearch) -> bool:
+    """Whether data held out bear another search out: the error of the yaw rate is clearly less, and
+    all channels together are likelier."""
+    if not other.findings or _confirmed(found.body, other.final, found.final) <= 0.0:
+        return False
+    scored, use, _ = chained(found.body, other.final, found.final, "r")
+    gain = gain_of(scored, use, True, found.body.dt)
+    sure = gain.after - gain.before > SURE * gain.se
+    return sure and scored.taken(use) > TAKES
+
+
+def _searched(body: Body) -> BodySearch:
+    """What one kind of noise lets the channels support."""
     plain = now = polished(body, fit_body(body, [()])[0])
     passed: Sequence[BodyFit] = ()
     for k in range(SWAPS):
@@ -122,7 +158,7 @@ def _usual(body: Body, fit: BodyFit, number: int) -> bool:
     """Whether a cause is a lag that every vehicle has, by tyres and body."""
     if CAUSES[number].names[0] not in _TIMES:
         return False
-    late = float(fit.theta[body.index[number][0]]) * _seconds(body, number)
+    late = float(fit.theta[INDEX[number][0]]) * _seconds(body, number)
     return CAUSES[number].cause == "yaw_inertia" or late < max(NUISANCE["lag"][1], body.dt)
 
 
@@ -252,7 +288,7 @@ def _timed(body: Body, now: BodyFit) -> list[tuple[tuple[int, ...], np.ndarray]]
         if not may_join(k, now) or CAUSES[k].names[0] not in _TIMES:
             continue
         thetas = np.repeat(now.theta[None], len(_LATE), axis=0)
-        thetas[:, body.index[k][0]] = np.array(_LATE) / _seconds(body, k)
+        thetas[:, INDEX[k][0]] = np.array(_LATE) / _seconds(body, k)
         best = max(moved(body, now, thetas), key=lambda f: f.loglik)
         if best.loglik > now.loglik:
             starts.append(_with(now, k, best.theta))
@@ -287,16 +323,16 @@ def screen_body(body: Body, at: BodyFit) -> list[tuple[float, int, np.ndarray]]:
     inner = [i for i in body.nuisance if low[i] < lane.theta[i] < high[i]]
     kept = [*inner, *(i for i in lane.free if i not in body.nuisance)]
     causes = [k for k in body.allowed if may_join(k, at)]
-    free = [*kept, *(i for k in causes for i in body.index[k])]
+    free = [*kept, *(i for k in causes for i in INDEX[k])]
     columns = dict(zip(free, slopes(body, [lane], [free])[0], strict=True))
     found = []
     for k in causes:
-        own = [*kept, *body.index[k]]
+        own = [*kept, *INDEX[k]]
         gain, step = _predict(body, lane, [columns[i] for i in own])
         theta = at.theta.copy()
         theta[own] += step
         bounded = np.clip(theta, low, high)
-        index = list(body.index[k])
+        index = list(INDEX[k])
         fine = np.allclose(bounded[index], theta[index]) and bool(np.any(bounded[index] != 0.0))
         found.append((gain if fine else 0.0, k, bounded))
     return sorted(found, key=lambda f: -f[0])
@@ -325,7 +361,7 @@ def _predict(body: Body, lane: Lane, slopes: Sequence[dict]) -> tuple[float, np.
         for c, (rows, where) in stacks.items():
             counted = body.counted[c]
             rest = rows[0] - np.tensordot(move[where], rows[1:], 1)
-            colour = least_squares(rest, counted, body.order[c])
+            colour = body.colour(c, rest, repeated=False)
             variance = float(np.mean(whiten(rest[None], colour[None])[0][counted] ** 2))
             gain += counted.sum() * float(np.log(lane.variance[c] / max(variance, 1e-300)))
         best = max(best, (gain, move[:k]), key=lambda pair: pair[0])
@@ -360,5 +396,5 @@ def _findings(body: Body, now: BodyFit) -> tuple[tuple[BodyFinding, ...], BodyFi
 def at_fixed(found: BodySearch, number: int, value: float) -> float:
     """What a cause at a given value lacks, in twice the log-likelihood, against the final fit."""
     theta = found.final.theta.copy()
-    theta[found.body.index[number][0]] = value
+    theta[INDEX[number][0]] = value
     return 2.0 * (found.final.loglik - moved(found.body, found.final, theta[None])[0].loglik)

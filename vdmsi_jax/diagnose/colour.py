@@ -48,6 +48,16 @@ def least_squares(
     return np.linalg.solve(past, unit[1:, 0]) * scale[0] / scale[1:]
 
 
+def forgetting(order: int, memory: float, dt: float) -> Float[np.ndarray, " order"]:
+    """Factors of a filter's coefficients that leave it a memory of so many seconds at the most, its
+    roots moved inwards: what lasts longer is no noise then.
+
+    Source: Tohkura et al., Spectral smoothing technique in PARCOR speech analysis-synthesis (1978),
+    by their bandwidth expansion.
+    """
+    return np.exp(-dt / memory * np.arange(1, order + 1))
+
+
 def _stretches(counted: Bool[np.ndarray, "R N"]) -> list[tuple[int, int, int]]:
     """Row, first and stop of each unbroken stretch."""
     edges = np.diff(np.pad(counted, ((0, 0), (1, 1))).astype(np.int8), axis=1)

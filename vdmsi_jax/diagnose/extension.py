@@ -13,7 +13,7 @@ from ..models.extended_plant import ExtendedPlant
 from ..models.transfer_function import TransferFunction
 from ..parameters import with_values
 from . import swing
-from .body import CAUSES
+from .body import CAUSES, INDEX
 from .body_search import BodySearch
 from .found import Search
 from .hypothesis import Hypothesis
@@ -73,12 +73,11 @@ def transfer_function(stage: Stage, h: Hypothesis) -> TransferFunction:
 
 
 def _body(found: BodySearch) -> tuple[tuple[AbstractEffect, ...], tuple]:
-    theta, index = found.final.theta, found.body.index
     body, sensors = [], []
     for k, cause in enumerate(CAUSES):
         if k not in found.final.active:
             continue
-        effect = with_values(cause.effect, jnp.asarray(theta[list(index[k])]))
+        effect = with_values(cause.effect, jnp.asarray(found.final.theta[list(INDEX[k])]))
         if cause.channel is None:
             body.append(effect)
         else:
@@ -94,7 +93,7 @@ def _sensor_of(found: BodySearch | None, channel: str) -> tuple[float, float, fl
         return 0.0, 0.0, 0.0
     for k in found.final.active:
         if CAUSES[k].channel == channel:
-            told[CAUSES[k].cause] = float(found.final.theta[found.body.index[k][0]])
+            told[CAUSES[k].cause] = float(found.final.theta[INDEX[k][0]])
     return told["sensor_delay"], told["sensor_bias"], told["sensor_lag"]
 
 

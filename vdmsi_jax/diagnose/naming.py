@@ -9,7 +9,7 @@ import numpy as np
 from ..effects.yaw_offset import YawOffset
 from ..models.observer_form import made_up_for
 from . import swing
-from .body import ASKEW, CAUSES, Body, BodyCause
+from .body import ASKEW, CAUSES, INDEX, Body, BodyCause
 from .body_fit import BodyFit
 from .body_search import BodyFinding, BodySearch
 from .colour import whiten
@@ -155,7 +155,7 @@ def of_body(search: BodySearch) -> list[Named]:
     failed = {f.finding.number for f in search.failed}
     for finding in search.findings:
         cause = CAUSES[finding.number]
-        index = search.body.index[finding.number]
+        index = INDEX[finding.number]
         std = _stds(search.final)
         parameters = {
             name: Estimate(float(search.final.theta[i]), std.get(i, math.nan), unit)

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float
 
 from ..errors import InputError
-from .colour import autoregression, filter_length, predicted
+from .colour import autoregression, filter_length, forgetting, predicted
 from .windows import SLOW, moving_mean
 
 _SAME = 0.01  # rms difference of commands, of their spread, up to which they are the same
@@ -79,18 +79,14 @@ class BriefNoise(Noise):
 
     def __init__(self, memory: float, dt: float):
         """Of a memory in s; `dt`: sample period, s."""
-        self._keeps = float(np.exp(-dt / memory))
+        self._memory, self._dt = memory, dt
 
     def colours(self, left, mask, order):
-        return autoregression(left, mask, order) * self._forgetting(order)
+        return autoregression(left, mask, order) * forgetting(order, self._memory, self._dt)
 
     def innovations(self, spectra, order):
-        return _filtered(spectra, predicted(spectra, order)[0] * self._forgetting(order))
-
-    def _forgetting(self, order: int) -> Float[np.ndarray, " order"]:
-        """What moves the roots of a filter inwards by a factor: bandwidth expansion (Tohkura et
-        al., Spectral smoothing technique in PARCOR speech analysis-synthesis, 1978)."""
-        return self._keeps ** np.arange(1, order + 1)
+        kept = forgetting(order, self._memory, self._dt)
+        return _filtered(spectra, predicted(spectra, order)[0] * kept)
 
 
 class KnownNoise(Noise):

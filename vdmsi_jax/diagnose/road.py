@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..metrics import spread
+from .body import INDEX
 from .body_search import BodySearch
 from .found import Search
 from .hypothesis import Hypothesis, Refit, responses
@@ -92,7 +93,7 @@ class Road:
         bodily = {c.body.number for c in causes if c.body is not None}
         for k in self.bodily.final.active:
             if k not in bodily:
-                theta[list(self.bodily.body.index[k])] = 0.0
+                theta[list(INDEX[k])] = 0.0
         for channel, own in self.searches.items():
             kept = tuple(
                 c.finding.number for c in causes if c.search is own and c.finding is not None

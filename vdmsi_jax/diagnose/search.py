@@ -41,9 +41,9 @@ _CLEAR = 2.0  # standard deviations, below which a parameter may be nothing
 _BORNE_OUT = 0.25  # of what such a cause takes where it is fitted, that must last elsewhere
 
 _BRIEF = 0.1  # of the plant's time constant, that noise may last
-_LARGE, _LASTING = 0.04, 3.0  # of the response's spread, and of the innovations' variance, beyond
+LARGE, LASTING = 0.04, 3.0  # of the response's spread, and of the innovations' variance, beyond
 # which an error is asked for by brief noise
-_TAKES = 0.25  # of it, that the causes found so must take from data held out
+TAKES = 0.25  # of it, that the causes found so must take from data held out
 
 
 class ActsInSteps(Exception):  # noqa: N818 - no error: it asks for the log's own rows
@@ -78,7 +78,7 @@ def _lasts(found: Search) -> bool:
     if not isinstance(stage.noise, OwnNoise) or stage.held_out.sum() <= FEW:
         return False
     size = math.sqrt(error) / extent(stage.y[stage.mask])
-    lasts = size > _LARGE and error > _LASTING * found.final.variance
+    lasts = size > LARGE and error > LASTING * found.final.variance
     return lasts and not is_answered(stage, found.final)
 
 
@@ -90,7 +90,7 @@ def _bears_out(found: Search, other: Search) -> bool:
     scored = Scored.of_stage(stage, found.final, other.final)
     gain = gain_of(scored, stage.held_out, True, stage.dt)
     sure = gain.after - gain.before > SURE * gain.se
-    return sure and scored.taken(stage.held_out) > _TAKES
+    return sure and scored.taken(stage.held_out) > TAKES
 
 
 @dataclass
