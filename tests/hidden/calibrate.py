@@ -125,7 +125,8 @@ def _of_actuator(stage, plain, f) -> tuple[str, float, float]:
 def _of_body(body, plain) -> Iterable[tuple[str, float, float]]:
     from vdmsi_jax.diagnose.body import CAUSES
     from vdmsi_jax.diagnose.body_fit import refit_body
-    from vdmsi_jax.diagnose.body_search import price, screen_body
+    from vdmsi_jax.diagnose.body_screen import screen_body
+    from vdmsi_jax.diagnose.body_search import price
 
     promising = [s for s in screen_body(body, plain) if s[0] > 0.0]
     for f in refit_body(body, [((k,), theta) for _, k, theta in promising]):

@@ -10,7 +10,8 @@ from jaxtyping import Float
 
 from .body import CAUSES, INDEX
 from .body_fit import Lane, bounds, slopes
-from .body_search import BodySearch, may_join
+from .body_screen import may_join
+from .body_search import BodySearch
 from .detectability import ALIKE, SURE, open_about
 from .result import Detectable
 
