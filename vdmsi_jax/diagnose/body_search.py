@@ -19,10 +19,9 @@ from .body_fit import (
 )
 from .body_screen import may_join, screen_body
 from .found import FEW, MARGIN
-from .judge import Scored, confirmed, gain_of
+from .judge import Scored, confirmed
 from .price import CAUSE_COST, PARAMETER_COST
-from .search import LARGE, LASTING, MADE_UP, SURE, SWAPPED, SWAPS, TAKES, WORSENED
-from .unexplained import extent
+from .search import MADE_UP, SURE, SWAPPED, SWAPS, WORSENED, clearly_less, lasts
 
 _CHANNELS_COST = 8.0
 _MOST = 7
@@ -97,26 +96,22 @@ def search_body(body: Body) -> BodySearch:
 
 
 def _lasts(found: BodySearch) -> bool:
-    """As in the actuators' search: a colour that is estimated takes a steady error of the yaw rate
-    for noise, and what its onset is like, which no form has exactly, tells the cause."""
+    """As in the actuators' search: where a steady error of the yaw rate is taken for noise, what
+    its onset is like tells the cause, which no form has exactly."""
     body, final = found.body, found.final
     if "r" not in body.measured or body.held_out["r"].sum() <= FEW:
         return False
     mask = body.mask["r"]
     error = float(np.mean(residual(body, final, "r", mask)[mask] ** 2))
-    size = np.sqrt(error) / extent(body.measured["r"][mask])
-    return bool(size > LARGE and error > LASTING * final.variance["r"])
+    return lasts(error, final.variance["r"], body.measured["r"][mask])
 
 
 def _bears_out(found: BodySearch, other: BodySearch) -> bool:
     """Whether data held out bear another search out: the error of the yaw rate is clearly less, and
     all channels together are likelier."""
-    if not other.findings or _confirmed(found.body, other.final, found.final) <= 0.0:
-        return False
     scored, use, _ = chained(found.body, other.final, found.final, "r")
-    gain = gain_of(scored, use, True, found.body.dt)
-    sure = gain.after - gain.before > SURE * gain.se
-    return sure and scored.taken(use) > TAKES
+    likelier = _confirmed(found.body, other.final, found.final) > 0.0
+    return bool(other.findings) and likelier and clearly_less(scored, use, found.body.dt)
 
 
 def _searched(body: Body) -> BodySearch:

@@ -98,7 +98,7 @@ class Trial:
         of most blocks and hold from block to block, or take most by what it does fast. Where a
         disturbance is left, it must take most, or hold from block to block. Data that hardly show
         it may not tell it from block to block."""
-        plain = (self.gain.after - self.gain.before) / max(self.gain.se, 1e-300)
+        plain = self.gain.sureness
         if puzzling:
             sharp = self.fast > _FAST and share > _MOST and plain > _VERY_STEADY
             lasting = self.steady > _VERY_STEADY and (share > _MUCH or self.gain.typical > 0.0)

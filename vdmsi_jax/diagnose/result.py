@@ -57,6 +57,11 @@ class Gain:
     typical: float = 0.0
 
     @property
+    def sureness(self) -> float:
+        """By how many of its standard errors FIT rises."""
+        return (self.after - self.before) / max(self.se, 1e-300)
+
+    @property
     def cost(self) -> float:
         """Mean translation error that it takes away, m: below a hundredth of it, or without a path,
         zero."""

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from jaxtyping import Bool, Float
 
 from . import swing
 from .baseline import baselines, order_of
@@ -41,9 +42,9 @@ _CLEAR = 2.0  # standard deviations, below which a parameter may be nothing
 _BORNE_OUT = 0.25  # of what such a cause takes where it is fitted, that must last elsewhere
 
 _BRIEF = 0.1  # of the plant's time constant, that noise may last
-LARGE, LASTING = 0.04, 3.0  # of the response's spread, and of the innovations' variance, beyond
+_LARGE, _LASTING = 0.04, 3.0  # of the response's spread, and of the innovations' variance, beyond
 # which an error is asked for by brief noise
-TAKES = 0.25  # of it, that the causes found so must take from data held out
+_TAKES = 0.25  # of it, that the causes found so must take from data held out
 
 
 class ActsInSteps(Exception):  # noqa: N818 - no error: it asks for the log's own rows
@@ -71,26 +72,31 @@ def search(stage: Stage) -> Search:
 
 
 def _lasts(found: Search) -> bool:
-    """Whether the model leaves an error that is large beside the response and much larger than its
-    innovations: a colour that is estimated takes it for noise, whatever makes it. Not where a
-    controller answers it, whose commands tell it by themselves."""
+    """Whether the model leaves an error that `lasts`. Not where a controller answers it, whose
+    commands tell it by themselves."""
     stage, error = found.stage, found.final.error(found.stage)
     if not isinstance(stage.noise, OwnNoise) or stage.held_out.sum() <= FEW:
         return False
-    size = math.sqrt(error) / extent(stage.y[stage.mask])
-    lasts = size > LARGE and error > LASTING * found.final.variance
-    return lasts and not is_answered(stage, found.final)
+    large = lasts(error, found.final.variance, stage.y[stage.mask])
+    return large and not is_answered(stage, found.final)
 
 
 def _bears_out(found: Search, other: Search) -> bool:
-    """Whether data held out bear another search out: its error is clearly less there."""
-    if not other.findings:
-        return False
+    """Whether data held out bear another search out."""
     stage = found.stage
     scored = Scored.of_stage(stage, found.final, other.final)
-    gain = gain_of(scored, stage.held_out, True, stage.dt)
-    sure = gain.after - gain.before > SURE * gain.se
-    return sure and scored.taken(stage.held_out) > TAKES
+    return bool(other.findings) and clearly_less(scored, stage.held_out, stage.dt)
+
+
+def lasts(error: float, variance: float, response: Float[np.ndarray, " n"]) -> bool:
+    """Whether a mean squared error is large beside the response and much larger than its
+    innovations': a colour that is estimated takes it for noise, whatever makes it."""
+    return math.sqrt(error) > _LARGE * extent(response) and error > _LASTING * variance
+
+
+def clearly_less(scored: Scored, use: Bool[np.ndarray, "R N"], dt: float) -> bool:
+    """Whether the error of data held out is less after than before, surely and by much."""
+    return gain_of(scored, use, True, dt).sureness > SURE and scored.taken(use) > _TAKES
 
 
 @dataclass
@@ -253,7 +259,7 @@ def _drawn(stage: Stage, number: int, scored: Scored) -> bool:
         return True
     gain = gain_of(scored, stage.held_out, True, stage.dt)
     parts = np.any(stage.mask.any(axis=1) & stage.held_out.any(axis=1))
-    return bool(parts) and gain.after - gain.before < SURE * gain.se
+    return bool(parts) and gain.sureness < SURE
 
 
 def _worse(scored: Scored, stage: Stage) -> bool:
@@ -305,11 +311,10 @@ def _borne_out(found: Search, seen: Mapping[tuple, Refit], known: set[int]) -> R
         taken = scored.taken(stage.held_out)
         (new,) = set(f.hypothesis.active) - had
         least = _SURER if stage.slots[new].weight >= FREE else SURE
-        sure = gain.after - gain.before > least * gain.se
         if takes_much(f):
-            lasts = taken > _MUCH and worth > CAUSE_COST
+            elsewhere = taken > _MUCH and worth > CAUSE_COST
         else:
-            lasts = taken > _LASTS and gain.typical > 0.0 and worth > 0.0
-        if sure and lasts and taken > most:
+            elsewhere = taken > _LASTS and gain.typical > 0.0 and worth > 0.0
+        if gain.sureness > least and elsewhere and taken > most:
             best, most = f, taken
     return best
