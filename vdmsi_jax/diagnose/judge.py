@@ -42,9 +42,10 @@ class Scored:
     memory: float = BLOCK
 
     @classmethod
-    def of_stage(cls, stage: Stage, before: Refit, after: Refit, channel: str = "") -> "Scored":
-        """The response of a stage, by two models of it."""
-        return cls(channel, stage.y, before.y, after.y, after.colour, stage.scales.time_constant)
+    def of_stage(cls, stage: Stage, before: Refit, after: Refit) -> "Scored":
+        """The response of a stage, by two models of it. Its standard errors are those that the
+        search's thresholds are for, which are too small for a slow plant."""
+        return cls("", stage.y, before.y, after.y, after.colour)
 
     def taken(self, use: Bool[np.ndarray, "R N"]) -> float:
         """Share of the squared error that the cause takes away."""
@@ -138,7 +139,7 @@ def confirmed(scored: Scored, use: Bool[np.ndarray, "R N"], dt: float) -> tuple[
         e = np.where(use, scored.y - simulated, 0.0)
         squares.append(whiten(e[None], scored.colour[None])[0][use] ** 2)
     before, after = (max(float(np.mean(s)), 1e-300) for s in squares)
-    blocks = blocks_in(int(use.sum()), dt, memory=scored.memory)
+    blocks = blocks_in(int(use.sum()), dt)  # of innovations, which remember nothing
     parts = block_sums((squares[0] - squares[1]) / after, blocks)
     return float(use.sum()) * float(np.log(before / after)), float(parts.var(ddof=1) * parts.size)
 

@@ -189,7 +189,11 @@ class Evidence:
             promised = cause.finding.promised
             held, use = bool(stage.held_out.sum() > FEW), cause.search.judges
             less = less or cause.search.usable_without(cause.finding)
-            scored = Scored.of_stage(stage, less, final, name)
+            scored = replace(
+                Scored.of_stage(stage, less, final),
+                channel=name,
+                memory=stage.scales.time_constant,
+            )
             sure.append(confirmed(scored, use, self.runs.dt))
             faint = held and scored.faint(stage.mask, use)
             step = None if promised is None else replace(scored, after=promised.y)
