@@ -109,9 +109,10 @@ def _lasts(found: BodySearch) -> bool:
 def _bears_out(found: BodySearch, other: BodySearch) -> bool:
     """Whether data held out bear another search out: the error of the yaw rate is clearly less, and
     all channels together are likelier."""
+    if not other.findings or _confirmed(found.body, other.final, found.final) <= 0.0:
+        return False
     scored, use, _ = chained(found.body, other.final, found.final, "r")
-    likelier = _confirmed(found.body, other.final, found.final) > 0.0
-    return bool(other.findings) and likelier and clearly_less(scored, use, found.body.dt)
+    return clearly_less(scored, use, found.body.dt)
 
 
 def _searched(body: Body) -> BodySearch:

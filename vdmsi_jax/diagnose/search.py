@@ -83,9 +83,11 @@ def _lasts(found: Search) -> bool:
 
 def _bears_out(found: Search, other: Search) -> bool:
     """Whether data held out bear another search out."""
+    if not other.findings:
+        return False
     stage = found.stage
     scored = Scored.of_stage(stage, found.final, other.final)
-    return bool(other.findings) and clearly_less(scored, stage.held_out, stage.dt)
+    return clearly_less(scored, stage.held_out, stage.dt)
 
 
 def lasts(error: float, variance: float, response: Float[np.ndarray, " n"]) -> bool:
