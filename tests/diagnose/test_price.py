@@ -53,6 +53,16 @@ def test_what_was_on_its_way_is_paid_in_each_run():
     assert paid("transport_delay") == paid("offset") + 2.0 * RUNS
 
 
+def test_what_first_moves_the_wrong_way_pays_more_than_what_is_late():
+    def second_order(zero: float) -> float:
+        theta = STAGE.off.copy()
+        theta[[0, 1, POLES, POLES + 1]] = 2.0, 1.0, 1.0, -zero
+        return price(STAGE, Hypothesis(2, 1, (), theta))
+
+    late = paid("transport_delay") + PARAMETER_COST
+    assert second_order(3.0) - second_order(-3.0) > late + 10.0
+
+
 @pytest.mark.parametrize(("seconds", "worth"), [(0.02, False), (1.0, True), (np.inf, True)])
 def test_a_drift_that_is_over_at_once_is_worth_nothing(seconds, worth):
     """In runs of 4 s."""

@@ -292,6 +292,32 @@ def test_a_name_that_takes_less_than_what_stays_a_puzzle_stands_in_for_it(puzzle
     assert WEIGHING.minor(play, trial, told, puzzle, 0.0, False, [(play, trial)]) is minor
 
 
+@pytest.mark.parametrize(("without", "minor"), [(5.0, False), (200.0, True)])
+def test_a_trace_of_what_was_wrong_mends_a_form_where_much_stays_a_puzzle(without, minor):
+    """It takes half of the error beside another cause; without both it is so many times that."""
+    bend = named("gain_nonlinearity")
+    trial, told = judged(bend, 97.0, 97.8)
+    beside = (named("rate_limit"), judged(named("rate_limit"), 70.0, 97.8)[0])
+    bare = replace(SCORE, mse=without * trial.gain.mse_before)
+    weighing = replace(WEIGHING, baseline={"y": bare})
+    told = replace(told, statistic=600.0)
+    tried = [(bend, trial), beside]
+    assert weighing.minor(bend, trial, told, 0.3, 0.0, False, tried) is minor
+    assert not weighing.minor(bend, trial, told, 0.0, 0.0, False, tried)
+
+
+@pytest.mark.parametrize(("cause", "std", "minor"), [
+    ("transport_delay", 0.002, False), ("transport_delay", 0.02, True), ("dead_zone", 0.002, True)
+])  # fmt: skip
+def test_a_delay_that_is_known_exactly_is_told_however_slow_errors_weigh(cause, std, minor):
+    """It takes four per cent, and that not from block to block."""
+    late = named(cause)
+    trial, told = judged(late, 90.0, 90.2)
+    trial = replace(trial, steady=1.4, gain=replace(trial.gain, se=0.18, typical=0.001))
+    told = replace(told, statistic=1000.0, parameters={"delay": Estimate(0.14, std, "s")})
+    assert WEIGHING.minor(late, trial, told, 0.0, 0.0, False, [(late, trial)]) is minor
+
+
 @pytest.mark.parametrize(("se", "minor"), [(0.3, False), (2.0, True)])
 def test_a_small_gain_that_is_less_than_its_standard_error_is_minor(se, minor):
     grade = named("road_grade")

@@ -2,7 +2,8 @@
 
     python tests/hidden/hunt.py --out FOLDER [--plan full|small|tiny] [--seconds N] [--part K/N]
 
-One line for each case is appended to FOLDER/results.jsonl, and a rerun does only what is missing.
+One line for each case is appended to FOLDER/results.jsonl, and a rerun does only what is missing:
+those of docs/hunt are kept with the code, so that another machine goes on with them.
 At its end, and whenever it is stopped, it writes FOLDER/hunt.md and two pictures from all lines
 there are; `--seconds 0` does only that. Parts K of N may run side by side, into one folder.
 """
@@ -99,9 +100,10 @@ def read(file: Path) -> list[dict]:
 
 
 def append(file: Path, line: dict) -> None:
-    """Append a line in one write, so that processes that share the file do not mix theirs; it does
-    not continue one that was cut short."""
-    row = json.dumps(line, allow_nan=True) + "\n"
+    """Append a line, its numbers with six digits, in one write, so that processes that share the
+    file do not mix theirs; it does not continue one that was cut short."""
+    short = json.loads(json.dumps(line), parse_float=lambda digits: float(f"{float(digits):.6g}"))
+    row = json.dumps(short) + "\n"
     handle = os.open(file, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
     try:
         size = os.fstat(handle).st_size

@@ -8,25 +8,26 @@ from hidden.hunt_plan import Task
 from vdmsi_jax import diagnose
 
 
-def line_of(word: str, where: str, seed: int) -> dict:
-    """What the hunt writes of a large cause in plain driving."""
-    task = Task(Case(((word, where),), "large", seed, driving="plain"), "cause", where == "plant")
+def line_of(word: str, where: str, size: str, seed: int) -> dict:
+    """What the hunt writes of a cause in plain driving."""
+    task = Task(Case(((word, where),), size, seed, driving="plain"), "cause", where == "plant")
     (ready,) = made([task])
     return examined(*ready, diagnose)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("word", "where", "seed", "why"),
+    ("word", "where", "size", "seed", "why"),
     [
-        ("transport_delay", "plant", 5013, "the command rested where data were held out"),
-        ("saturation", "powertrain", 5047, "the limit was only tried in a larger plant"),
-        ("rate_limit", "steering", 5067, "a slow error of the speed had drawn hills"),
-        ("coulomb_friction", "plant", 5089, "it had been a play of the command alone"),
+        ("transport_delay", "plant", "large", 5013, "the command rested where data were held out"),
+        ("saturation", "powertrain", "large", 5047, "the limit was only tried in a larger plant"),
+        ("rate_limit", "steering", "large", 5067, "a slow error of the speed had drawn hills"),
+        ("transport_delay", "powertrain", "middle", 5001, "a slow error was most of the error"),
+        ("coulomb_friction", "plant", "large", 5089, "it had been a play of the command alone"),
     ],
 )
-def test_a_cause_is_among_those_told_and_nothing_else_is(word, where, seed, why):
-    line = line_of(word, where, seed)
+def test_a_cause_is_among_those_told_and_nothing_else_is(word, where, size, seed, why):
+    line = line_of(word, where, size, seed)
     (found,) = line["findings"]
     assert word in {found["cause"], *(cause for cause, _ in found["rivals"])}, why
     assert line["verdict"] == "explained"

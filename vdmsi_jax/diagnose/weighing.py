@@ -35,6 +35,7 @@ _NOTHING = 0.5  # standard errors, below which a parameter is nothing, whatever 
 _CLEAR, _FEW = 2.0, 3  # standard errors, below which a parameter may be nothing; of so many
 _PUZZLE = 0.1  # share of the error without a cause that must puzzle beside it, to doubt its name
 _PERIODS = 6.0  # in the longest run, of a periodic disturbance beside what nothing explains
+_EXACT = 20.0  # standard errors, from which on the size of a delay is known beside slow errors
 _BUS, _LATE = 0.02, 2.5  # s and points of FIT, below which both a delay is every bus's
 _SAME = 0.01  # of a yaw rate, that no body is known better by
 _DRAGGED, _DRAG = 0.5, 0.25  # points of FIT and share, below which both a speed that falls in bends
@@ -128,7 +129,9 @@ class Weighing:
         unsure = found.share < _MUCH and 0.0 <= points < min(trial.gain.se, _POINTS)
         small = small or (unsure and found.statistic < _CERTAIN)  # elsewhere it may be a loss
         puzzling, disturbed = (x * (1.0 - share) > _PUZZLE for x in (puzzle, disturbance))
-        small = small or not trial.believed(share, puzzling, disturbed)
+        small = small or (puzzling and 0.0 <= part < _TRACE)  # it mends another's form
+        exact = not puzzling and _exact(found)
+        small = small or not (exact or trial.believed(share, puzzling, disturbed))
         wandering = disturbance if cause.cause == "periodic_disturbance" else 0.0
         # most of it is what it stands in for, or wanders as it does
         small = small or max(puzzle, wandering) * (1.0 - share) > share
@@ -304,6 +307,15 @@ def _sizeless(found: Finding) -> bool:
     if found.cause == "resonance" and "weight" in told:
         return abs(told["weight"].value) < _WEIGHED * told["weight"].std
     return all(abs(e.value) < _NOTHING * e.std for e in told.values())
+
+
+def _exact(found: Finding) -> bool:
+    """Whether a delay is sure by its size: it shows at what is fast, and a slow error that is most
+    of all error hides what it takes, and takes it from block to block."""
+    if found.cause != "transport_delay" or found.statistic < _CERTAIN:
+        return False
+    delay = found.parameters["delay"]
+    return delay.value > _EXACT * delay.std
 
 
 def _vague(cause: Named, found: Finding) -> bool:
