@@ -21,8 +21,7 @@ outlasts the runs: it is an offset. One that swings through all of them is a per
 and pays as that."""
 RARE_COST = 20.0
 """Of zeros in the right half plane, beside: hardly an actuator first moves the wrong way, and most
-are late. Beside a cause they tell what its form lacks. No log without a delay of six exams came
-near."""
+are late. Not where a cause is told, beside which they tell what its form lacks."""
 EARLY = 2.0
 """Samples by which a response may seem to come before its command, where stamps are uneven or what
 is measured was differenced: no cause, and yet in the model."""
@@ -69,9 +68,9 @@ def _is_over(stage: Stage, h: Hypothesis, slot: Slot) -> bool:
 
 
 def _plant_price(stage: Stage, h: Hypothesis) -> float:
-    early = bool(backward(h).size)
-    cost = ORDER_COST * (h.poles + h.zeros + 1) + RARE_COST * (early and not h.active)
-    cost += DISGUISED_COST * (early + lingers(stage, h))
+    wrong_way = bool(backward(h).size)
+    cost = ORDER_COST * (h.poles + h.zeros + 1) + RARE_COST * (wrong_way and not h.active)
+    cost += DISGUISED_COST * (wrong_way + lingers(stage, h))
     line = CAUSE_COST + PARAMETER_COST * _SWING_WEIGHT + PHASE_COST * (len(stage.u) - 1)
     each = 0.5 * line - ORDER_COST  # of the two poles that are counted
     return cost + each * int(np.sum(swing.goes_on(stage, np.roots(h.den))))
