@@ -23,6 +23,7 @@ WINDOW = 0.5  # s, of an increment of the pose
 ORDER, POSE_ORDER = 30, 4  # of the autoregressive filters
 POSE = ("turned", "forward", "aside")
 FREEDOMS = 5  # of a linear baseline
+NEAREST = 5  # rivals of a finding that are kept with what they lack
 _STAGE = {"powertrain": ("v",), "steering": ("delta",), "vehicle": ("r", *POSE), "plant": ("y",)}
 _SENSORS = {"v": ("v",), "delta": ("delta",), "r": ("r",), "pose": POSE}
 _IN_SPEED = ("drag", "road_grade")
@@ -257,6 +258,7 @@ def _finding(f) -> dict:
         "form": f.form,
         "parameters": {n: [x if math.isfinite(x) else None for x in p] for n, p in sizes.items()},
         "rivals": [[r.cause, r.where] for r in f.rivals if r.indistinguishable],
+        "lacks": [[r.cause, r.where, r.deficit] for r in f.rivals[:NEAREST]],
         "statistic": f.statistic,
         "share": f.share,
         "gain": [f.gain.channel, f.gain.before, f.gain.after],

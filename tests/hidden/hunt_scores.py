@@ -156,6 +156,19 @@ def judged(line: Line) -> Verdict:
     )
 
 
+def separation(line: Line) -> float | None:
+    """What the nearest other name lacks in twice the log-likelihood, beside the hidden cause in the
+    leading finding: lambda_AB as this log shows it. None where that set does not hold the cause, or
+    the line does not say (older ones)."""
+    truth, lead = name(line["truth"][0]), next(iter(line["findings"]), None)
+    if lead is None or "lacks" not in lead or covers(lead, truth, line) is None:
+        return None
+    tried = [(name(lead), 0.0), *(((c, w, None), lack) for c, w, lack in lead["lacks"])]
+    own = [lack for told, lack in tried if equal(truth, told, line) is not None]
+    others = [lack for told, lack in tried if equal(truth, told, line) is None]
+    return min(others, default=math.inf) - min(own, default=math.inf)
+
+
 def flagged(line: Line) -> bool:
     """Whether structure that no cause accounts for is spoken of."""
     return line["verdict"] == "unexplained_structure" or bool(line["unexplained"])

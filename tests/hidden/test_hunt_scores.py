@@ -89,6 +89,23 @@ def test_a_wrong_name_counts_only_where_it_stands_alone():
     assert elsewhere.wrong
 
 
+def test_how_far_other_names_are():
+    lacks = [["coulomb_friction", "steering", 12.0], ["dead_zone", "steering", 50.0]]
+    right = finding("backlash", "steering") | {"lacks": lacks}
+    assert score.separation(line([BACKLASH], [right])) == 12.0
+    lead = finding("dead_zone", "steering", rivals=[("backlash", "steering")])
+    near = lead | {"lacks": [["backlash", "steering", 3.0]]}
+    assert score.separation(line([BACKLASH], [near])) == -3.0
+    only = finding("backlash", "steering") | {"lacks": []}
+    assert score.separation(line([BACKLASH], [only])) == math.inf
+    wrong = finding("offset", "steering") | {"lacks": lacks}
+    for told in ([], [finding("backlash", "steering")], [wrong]):
+        assert score.separation(line([BACKLASH], told)) is None
+    # a name that counts as the same one is no other
+    bank = finding("offset", "vehicle") | {"lacks": [["bank", "vehicle", 0.0]]}
+    assert score.separation(line([truth("bank", "vehicle")], [bank])) == math.inf
+
+
 def test_silence_and_what_is_minor():
     silent = score.judged(line([BACKLASH]))
     assert not silent.detected and silent.label == "none"
