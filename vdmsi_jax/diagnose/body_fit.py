@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from ..threads import each
 from .body import CAUSES, INDEX, LAGS, NUISANCE, Body
 from .chain import regress
 from .colour import whiten
-from .windows import BLOCK, block_sums, widening
+from .windows import BLOCK, block_sums, inverse, widening
 
 _MOST = 5.0  # of a parameter of the body, in its unit
 _STEP = 1e-3
@@ -79,14 +80,12 @@ def refit_body(
     for lane, y in zip(lanes, _answers(body, [lane.theta for lane in lanes]), strict=True):
         lane.y = y
     for _ in range(rounds):
-        for lane in lanes:
-            lane.recolour()
+        each(Lane.recolour, lanes)
         moving = lanes
         for _ in range(steps):
             moving = _step(body, moving)
-    for lane in lanes:
-        lane.recolour()
-    return [lane.finish() for lane in lanes]
+    each(Lane.recolour, lanes)
+    return each(Lane.finish, lanes)
 
 
 def polished(body: Body, fit: BodyFit) -> BodyFit:
@@ -101,13 +100,11 @@ def polished(body: Body, fit: BodyFit) -> BodyFit:
 
 def moved(body: Body, fit: BodyFit, thetas: Float[np.ndarray, "L P"]) -> list[BodyFit]:
     """A fit at other parameters, its colours estimated anew."""
-    fits = []
-    for theta, y in zip(thetas, _answers(body, list(thetas)), strict=True):
-        lane = Lane(body, fit.active, theta)
+    lanes = [Lane(body, fit.active, theta) for theta in thetas]
+    for lane, y in zip(lanes, _answers(body, list(thetas)), strict=True):
         lane.y, lane.colour = y, dict(fit.colour)
-        lane.recolour()
-        fits.append(lane.finish())
-    return fits
+    each(Lane.recolour, lanes)
+    return each(Lane.finish, lanes)
 
 
 def _answers(body: Body, thetas: Sequence[np.ndarray]) -> list[dict[str, np.ndarray]]:
@@ -234,12 +231,9 @@ class Lane:
         """The fit as it stands."""
         n = {c: int(self.body.counted[c].sum()) for c in self.y}
         logliks = {c: -0.5 * n[c] * float(np.log(max(self.variance[c], 1e-300))) for c in self.y}
-        scale = np.sqrt(np.maximum(np.diag(self.normal), 1e-300))
-        unit = self.normal / np.outer(scale, scale) + 1e-12 * np.eye(len(scale))
-        covariance = np.linalg.inv(unit) / np.outer(scale, scale)
         return BodyFit(
             self.active, self.theta, sum(logliks.values()), logliks, self.y, self.left(),
-            self.colour, self.variance, self.shares, self.free, covariance,
+            self.colour, self.variance, self.shares, self.free, inverse(self.normal),
         )  # fmt: skip
 
 
@@ -296,29 +290,14 @@ def _step(body: Body, lanes: Sequence[Lane]) -> list[Lane]:
     """One Levenberg-Marquardt step of every lane; those that still move."""
     if not lanes:
         return []
-    low, high = bounds(body)
-    trials = []
     found = slopes(body, lanes, [lane.free for lane in lanes])
-    for lane, own in zip(lanes, found, strict=True):
-        k = len(lane.free)
-        normal, slope, _ = lane.equations(own)
-        shares = np.diag(normal[k:, k:])
-        inner = normal[k:, k:] + np.diag(np.where(shares > 0, 1e-8 * shares, 1.0))
-        fold = np.linalg.solve(inner, normal[k:, :k])
-        lane.normal = normal[:k, :k] - normal[:k, k:] @ fold
-        push = slope[:k] - fold.T @ slope[k:]
-        scale = np.sqrt(np.maximum(np.diag(lane.normal), 1e-300))
-        unit, free = lane.normal / np.outer(scale, scale), list(lane.free)
-        room = [(b[free] - lane.theta[free]) * scale for b in (low, high)]
-        for factor in _DAMPINGS:
-            move = _inside(unit + lane.damping * factor * np.eye(k), push / scale, *room)
-            theta = lane.theta.copy()
-            theta[free] += move / scale
-            trials.append(np.clip(theta, low, high))
+    trials = sum(each(_trials, list(zip(lanes, found, strict=True))), [])
     tried = _answers(body, trials)
     moved, many = [], len(_DAMPINGS)
+    owners = [lane for lane in lanes for _ in _DAMPINGS]
+    every = each(lambda pair: pair[0].cost(pair[1]), list(zip(owners, tried, strict=True)))
     for i, lane in enumerate(lanes):
-        costs = [lane.cost(y) for y in tried[many * i : many * (i + 1)]]
+        costs = every[many * i : many * (i + 1)]
         best = int(np.argmin(np.where(np.isfinite(costs), costs, np.inf)))
         if costs[best] < lane.value:
             if lane.value - costs[best] > _SETTLED:
@@ -330,6 +309,29 @@ def _step(body: Body, lanes: Sequence[Lane]) -> list[Lane]:
             lane.damping *= 1e3
             moved.append(lane)
     return moved
+
+
+def _trials(of: tuple[Lane, list[dict[str, np.ndarray]]]) -> list[np.ndarray]:
+    """The parameters that a lane tries next, one for each damping, from its slopes."""
+    lane, own = of
+    low, high = bounds(lane.body)
+    k = len(lane.free)
+    normal, slope, _ = lane.equations(own)
+    shares = np.diag(normal[k:, k:])
+    inner = normal[k:, k:] + np.diag(np.where(shares > 0, 1e-8 * shares, 1.0))
+    fold = np.linalg.solve(inner, normal[k:, :k])
+    lane.normal = normal[:k, :k] - normal[:k, k:] @ fold
+    push = slope[:k] - fold.T @ slope[k:]
+    scale = np.sqrt(np.maximum(np.diag(lane.normal), 1e-300))
+    unit, free = lane.normal / np.outer(scale, scale), list(lane.free)
+    room = [(b[free] - lane.theta[free]) * scale for b in (low, high)]
+    trials = []
+    for factor in _DAMPINGS:
+        move = _inside(unit + lane.damping * factor * np.eye(k), push / scale, *room)
+        theta = lane.theta.copy()
+        theta[free] += move / scale
+        trials.append(np.clip(theta, low, high))
+    return trials
 
 
 def _inside(normal: np.ndarray, slope: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..threads import each
 from .body import CAUSES, INDEX, Body
 from .body_fit import BodyFit, Lane, bounds, slopes
 from .colour import whiten
@@ -29,45 +30,55 @@ def screen_body(body: Body, at: BodyFit) -> list[tuple[float, int, np.ndarray]]:
     kept = [*inner, *(i for i in lane.free if i not in body.nuisance)]
     causes = [k for k in body.allowed if may_join(k, at)]
     free = [*kept, *(i for k in causes for i in INDEX[k])]
-    columns = dict(zip(free, slopes(body, [lane], [free])[0], strict=True))
+    parts = _Parts(lane, slopes(body, [lane], [free])[0])
+    gains = each(lambda k: parts.predict([free.index(i) for i in (*kept, *INDEX[k])]), causes)
     found = []
-    for k in causes:
-        own = [*kept, *INDEX[k]]
-        gain, step = _predict(body, lane, [columns[i] for i in own])
+    for k, (gain, step) in zip(causes, gains, strict=True):
+        own, index = [*kept, *INDEX[k]], list(INDEX[k])
         theta = at.theta.copy()
         theta[own] += step
         bounded = np.clip(theta, low, high)
-        index = list(INDEX[k])
         fine = np.allclose(bounded[index], theta[index]) and bool(np.any(bounded[index] != 0.0))
         found.append((gain if fine else 0.0, k, bounded))
     return sorted(found, key=lambda f: -f[0])
 
 
-def _predict(body: Body, lane: Lane, slopes: Sequence[dict]) -> tuple[float, np.ndarray]:
-    """Gain of twice the log-likelihood by the best linear step, and the step: that of the noise's
-    colour as it stands, or that of plain least squares, since the colour of what lacks a cause has
-    taken a part of it, and nearly all of one that is slow."""
-    normal, slope, stacks = lane.equations(slopes)
-    k = len(slopes)
-    plain, push = np.eye(len(slope)), np.zeros_like(slope)  # the chain's shares as they stand
-    plain[:k, :k] = 0.0
-    for c, (rows, _) in stacks.items():
-        seen = rows[: 1 + k, body.counted[c]]
-        gram = seen @ seen.T / max(float(np.mean(seen[0] ** 2)), 1e-300)
-        plain[:k, :k] += gram[1:, 1:]
-        push[:k] += gram[1:, 0]
-    best = (-np.inf, np.zeros(k))
-    for matrix, target in ((normal, slope), (plain, push)):
-        own = np.diag(matrix).copy()
-        scale = np.sqrt(np.where(own > 0, own, 1.0))
-        unit = matrix / np.outer(scale, scale) + 1e-8 * np.eye(len(scale))
-        move = np.linalg.solve(unit, target / scale) / scale
-        gain = 0.0
-        for c, (rows, where) in stacks.items():
-            counted = body.counted[c]
-            rest = rows[0] - np.tensordot(move[where], rows[1:], 1)
-            colour = body.colour(c, rest, repeated=False)
-            variance = float(np.mean(whiten(rest[None], colour[None])[0][counted] ** 2))
-            gain += counted.sum() * float(np.log(lane.variance[c] / max(variance, 1e-300)))
-        best = max(best, (gain, move[:k]), key=lambda pair: pair[0])
-    return best
+class _Parts:
+    """The equations of a lane for many slopes at once, of which a step takes some."""
+
+    def __init__(self, lane: Lane, slopes: Sequence[dict[str, np.ndarray]]):
+        self.lane, self.count = lane, len(slopes)
+        self.normal, self.slope, self.stacks = lane.equations(slopes)
+        self.plain, self.push = np.eye(len(self.slope)), np.zeros_like(self.slope)
+        k = self.count  # the chain's shares stay as they are in the plain ones
+        self.plain[:k, :k] = 0.0
+        for c, (rows, _) in self.stacks.items():
+            seen = rows[: 1 + k, lane.body.counted[c]]
+            gram = seen @ seen.T / max(float(np.mean(seen[0] ** 2)), 1e-300)
+            self.plain[:k, :k] += gram[1:, 1:]
+            self.push[:k] += gram[1:, 0]
+
+    def predict(self, own: Sequence[int]) -> tuple[float, np.ndarray]:
+        """Gain of twice the log-likelihood by the best linear step of some of the parameters, and
+        the step: that of the noise's colour as it stands, or that of plain least squares, since the
+        colour of what lacks a cause has taken a part of it, and nearly all of one that is slow."""
+        body = self.lane.body
+        used = [*own, *range(self.count, len(self.slope))]
+        best = (-np.inf, np.zeros(len(own)))
+        for matrix, target in ((self.normal, self.slope), (self.plain, self.push)):
+            part = matrix[np.ix_(used, used)]
+            scale = np.sqrt(np.where(np.diag(part) > 0, np.diag(part), 1.0))
+            unit = part / np.outer(scale, scale) + 1e-8 * np.eye(len(scale))
+            step = np.zeros(len(self.slope))
+            step[used] = np.linalg.solve(unit, target[used] / scale) / scale
+            gain = 0.0
+            for c, (rows, where) in self.stacks.items():
+                counted, taken = body.counted[c], np.flatnonzero(step[where])
+                shares = step[np.array(where)[taken]]
+                rest = rows[0] - np.tensordot(shares, rows[1 + taken], 1)
+                colour = body.colour(c, rest, repeated=False)
+                variance = float(np.mean(whiten(rest[None], colour[None])[0][counted] ** 2))
+                lost = self.lane.variance[c] / max(variance, 1e-300)
+                gain += counted.sum() * float(np.log(lost))
+            best = max(best, (gain, step[list(own)]), key=lambda pair: pair[0])
+        return best
