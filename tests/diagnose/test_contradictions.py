@@ -56,6 +56,9 @@ def changed(logs, **by):
 CASES = {
     "none": ({}, None, ""),
     "yaw rate": ({"r": lambda r: -r["r"]}, "r", "[sign] r = -1"),
+    "scale of the yaw rate": ({"r": lambda r: 0.9 * r["r"] + 0.05}, "r", "0.90 times"),
+    "scale of the heading": ({"psi": lambda r: 1.1 * r["psi"]}, "psi", "the pose was left aside"),
+    "a scale nearly right": ({"r": lambda r: 1.05 * r["r"]}, None, ""),
     "heading": ({"psi": lambda r: -r["psi"]}, "psi", "[sign] psi = -1"),
     "angle": (
         {"delta": lambda r: -r["delta"], "delta_cmd": lambda r: -r["delta_cmd"]},

@@ -1,5 +1,6 @@
 """What the channels of a log say against each other, which no cause is: a sign that is another than
-the convention's, a command and a response that stand for each other."""
+the convention's, a yaw rate that is no rate of the heading, a command and a response that stand for
+each other."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,6 +15,8 @@ from .windows import moving_mean
 
 _OVER = 0.5  # s, over which turns are averaged
 _AGAINST = -0.7  # correlation from which on a channel runs against what makes it
+_SCALE = 0.06  # by which the yaw rate differs from the rate of the heading, beyond noise of both
+_TURN = 1.0  # s, over which both turn
 _LATE = 1.0  # s, by which a response is late at the most
 _BACKWARD, _FORWARD = 0.1, 3.0  # of a spread's square, that a lag of the response leaves of the
 # command at the most, and how many times more a lag of the command leaves of the response
@@ -44,7 +47,9 @@ def contradictions(records: Sequence[Record], plants: Sequence[PlantSpec]) -> li
         plants: whose commands and responses are looked at where they are a vehicle's.
     """
     actuators = [p for p in plants if p.role != "plant"]
-    return [*_turned_round(records), *(c for p in actuators for c in _swapped(records, p))]
+    signs = _turned_round(records)
+    scale = [] if signs else _scaled(records)
+    return [*signs, *scale, *(c for p in actuators for c in _swapped(records, p))]
 
 
 def _turned_round(records: Sequence[Record]) -> list[Contradiction]:
@@ -86,6 +91,50 @@ def _turned_round(records: Sequence[Record]) -> list[Contradiction]:
         )
         for name in against
     ]
+
+
+def _scaled(records: Sequence[Record]) -> list[Contradiction]:
+    """Whether the yaw rate is the rate of the heading times a factor, as that of a gyroscope whose
+    scale is off. Noise of the one and of the other bias the factor to either side, which bounds it.
+
+    Source: Fuller, Measurement Error Models (1987), section 1.1.2.
+    """
+    if not all("r" in record and "psi" in record for record in records):
+        return []
+    r, psi, made = _turned(records)
+    shared = float(r @ psi)
+    if shared <= 0.0:
+        return []
+    low, high = shared / float(psi @ psi), float(r @ r) / shared
+    if low < 1.0 + _SCALE and high > 1.0 - _SCALE:
+        return []
+    said = f"r is {np.sqrt(low * high):.2f} times the rate at which psi turns: "
+    if made.size == r.size:  # which of the two goes with v and delta
+        off = [abs(float(np.log(max(x @ made, 1e-300) / (made @ made)))) for x in (r, psi)]
+        if off[0] < off[1]:
+            why = "r goes with v and delta, and the pose was left aside."
+            return [Contradiction("psi", ("r",), ("x", "y", "psi"), said + why)]
+    why = "the scale or the unit of r is off, and r was left aside."
+    return [Contradiction("r", ("psi",), ("r",), said + why)]
+
+
+def _turned(records: Sequence[Record]) -> list[np.ndarray]:
+    """How far the yaw rate, the heading and, where they are there, speed and angle turn over each
+    second, rad, less the mean of each stretch without a gap: a rate may have a bias."""
+    turns: list[list[np.ndarray]] = [[], [], []]
+    for record in records:
+        every = slice(None, None, max(1, round(_TURN / record.dt)))
+        rates = [record["r"]]
+        if record.vehicle is not None and "v" in record and "delta" in record:
+            bicycle = Bicycle.at_reference(record.vehicle)
+            rates.append(np.asarray(bicycle.yaw_rate(record["v"], record["delta"])))
+        for s in record.segments:
+            heading = np.unwrap(record["psi"][s.samples])
+            summed = [np.cumsum(x[s.samples]) * record.dt for x in rates]
+            for kept, angle in zip(turns, (summed[0], heading, *summed[1:]), strict=False):
+                turn = np.diff(angle[every])
+                kept.append(turn - turn.mean() if turn.size else turn)
+    return [np.concatenate(own) if own else np.zeros(0) for own in turns]
 
 
 def _turning(values: np.ndarray, name: str, dt: float) -> np.ndarray:
