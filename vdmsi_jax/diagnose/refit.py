@@ -43,6 +43,7 @@ _SETTLED = 0.05  # gain of twice the log-likelihood by a step after which a lane
 _HELPS = 2.0  # gain above which steps make slopes old, and old ones still help
 _FAR = 10.0  # gain of a round, above which another follows
 _KINDS = 3  # of causes, whose best starts are never given up
+_FORMS = 3  # of the first of these, likewise
 _FEW = 8  # lanes, for which differences cost next to nothing
 _DAMPINGS = (0.1, 3.0, 100.0)
 
@@ -80,7 +81,7 @@ def refit(
         further: rounds more for those that the last one still took far.
         worth: of a hypothesis and its log-likelihood; with it, those that are more than `reach`
             below the best after the first round are given up, and missing in the answer, but for
-            the best of each of the leading kinds of causes.
+            the best of each of the leading kinds of causes, and of forms of the first.
         reach: see `worth`.
     """
     starts = [_begun(stage, h) for h in hypotheses]
@@ -141,14 +142,20 @@ def _fitted(
 
 
 def _first_of_kind(stage: Stage, lanes: Sequence[Lane], values: Sequence[float]) -> set[int]:
-    """Numbers of the best lanes of the leading kinds of causes: what comes slowly, as friction
-    does, may be the best in the end."""
-    best: dict[frozenset[str], int] = {}
+    """Numbers of the best lanes of the leading kinds of causes, and of the forms of the first: what
+    comes slowly, as friction does, may be the best in the end."""
+    best: dict[frozenset[str], dict[tuple[int, ...], int]] = {}
     for i in sorted(range(len(lanes)), key=lambda i: -values[i]):
-        causes = frozenset(stage.slots[k].cause for k in lanes[i].hypothesis.active)
-        if causes and np.isfinite(values[i]) and len(best) < _KINDS:
-            best.setdefault(causes, i)
-    return set(best.values())
+        active = lanes[i].hypothesis.active
+        causes = frozenset(stage.slots[k].cause for k in active)
+        if not causes or not np.isfinite(values[i]):
+            continue
+        if causes not in best and len(best) == _KINDS:
+            continue
+        forms = best.setdefault(causes, {})
+        if len(forms) < (_FORMS if causes == next(iter(best)) else 1):
+            forms.setdefault(active, i)
+    return {i for forms in best.values() for i in forms.values()}
 
 
 def _round(stage: Stage, lanes: list[Lane], counted: np.ndarray, steps: int) -> list[float]:
