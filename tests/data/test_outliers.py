@@ -106,9 +106,22 @@ def test_a_heading_that_wraps_jumps_nowhere():
 
 def test_a_run_may_begin_and_end_in_the_middle_of_anything():
     y = MOVING.copy()
-    y[0], y[-2:] = 3.0, -3.0
+    y[:4], y[-2:] = 3.0, -3.0
     log = record(y)
     assert without_outliers(log) == (log, {})
+    # and swing in from there
+    log = record(MOVING + 3.0 * np.exp(-T / (1.5 * DT)))
+    assert without_outliers(log) == (log, {})
+
+
+@pytest.mark.parametrize("many", [1, 3])
+def test_what_a_log_says_before_it_begins_is_none_of_it(many):
+    y = MOVING.copy()
+    y[:many] = 3.0
+    mended, counts = without_outliers(record(y))
+    assert counts == {"y": many}
+    assert np.all(mended["y"][:many] == MOVING[many])
+    assert np.array_equal(np.flatnonzero(~mended.measured("y")), np.arange(many))
 
 
 def test_short_logs_have_none():

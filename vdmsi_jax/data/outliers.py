@@ -17,6 +17,8 @@ _CORNER = 0.3  # of how far a sample is off its way, within which it goes on fro
 _FOREMOST = 0.3  # of the largest nearby, below which a sample is off since that one is
 _LONGEST = 3  # samples in a row that are still alone: one that was resampled is two or three
 _RARE = 0.02  # of the samples; what is more frequent is no accident
+_BEGINS = 5.0  # times the steps that follow, from which on a step away from the first samples parts
+# them from the rest
 _ANSWERS = 5  # samples behind a pulse of a command, that answer it
 
 
@@ -41,6 +43,7 @@ def without_outliers(record: Record) -> tuple[Record, dict[str, int]]:
         for segment in record.segments:
             own = values[segment.samples]
             alone[segment.samples] = _short(_far(own, _step(own)) & ~_turning(own))
+            alone[segment.start : segment.start + _stale(own)] = True
         alone &= record.measured(name) & ~pulses
         if not 0 < alone.sum() <= _RARE * record.n:
             continue
@@ -66,8 +69,23 @@ def _far(x: Float[np.ndarray, " n"], usual: float = 0.0) -> Bool[np.ndarray, " n
     foremost = size > _FOREMOST * _about(size).max(axis=1)  # those beside one are off by little
     rare = _RARE  # an outlier is the neighbour of four samples, too, that seem off their way
     far = _stands_out(off_middle, rare, usual) & _stands_out(off_way, 5.0 * rare, usual)
-    far[:_ABOUT] = far[-_ABOUT:] = False  # a run may begin in the middle of anything
+    far[:_ABOUT] = far[-_ABOUT:] = False  # a run may begin and end in the middle of anything
     return far & foremost
+
+
+def _stale(x: Float[np.ndarray, " n"]) -> int:
+    """How many samples stand before a signal begins, away from which it steps at once and goes on
+    smoothly: a message of before, or what a sensor says until it has measured. A plant would be
+    taken to have rested there."""
+    steps = np.abs(np.diff(x))
+    if steps.size <= 2 * _ABOUT + _LONGEST:
+        return 0
+    spread, tail = _SPREADS * 1.4826 * np.median(steps), _BEYOND * np.quantile(steps, 1.0 - _RARE)
+    for k in range(_LONGEST):
+        follow = steps[k + 1 : k + 1 + 2 * _ABOUT].max()
+        if steps[k] > max(spread, tail, _BEGINS * follow):
+            return k + 1
+    return 0
 
 
 def _turning(x: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
