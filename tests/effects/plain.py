@@ -339,6 +339,10 @@ def slower_at_speed(slope: float) -> Cause:
     return Cause(rows=lambda u, d: (1.0 + slope * d.v) * u)
 
 
+def less_at_speed(slope: float) -> Cause:
+    return Cause(measured=lambda y, d: (1.0 + slope * d.v) * y)
+
+
 def coupled(strength: float, of: Callable) -> Cause:
     return Cause(rows=lambda u, d: u + strength * of(u, d))
 

@@ -72,7 +72,7 @@ def coupling(strength, of):
 CASES = {
     "GainNonlinearity sign": Case(plain.bent(0.15, -0.028), (0.15, -0.028)),
     "GainNonlinearity skew": Case(plain.skewed(0.15, -0.028), (0.15, -0.028)),
-    "SpeedDependentGain": Case(plain.slower_at_speed(-0.02), (-0.02,)),
+    "SpeedDependentGain command": Case(plain.slower_at_speed(-0.02), (-0.02,)),
     "CrossCoupling signed": coupling(1.7, lambda u, d: d.other),
     "CrossCoupling size": coupling(-2.3, lambda u, d: np.abs(d.other)),
     "CrossCoupling square": coupling(6.1, lambda u, d: d.other**2),
@@ -157,6 +157,7 @@ CASES = {
     "PeriodicDisturbance": Case(plain.hum(0.81, 0.2, -0.15), (0.81, 0.2, -0.15), screened=True),
     "Offset itself": Case(plain.added(-0.21), (-0.21,)),
     "Offset travel": Case(plain.added_by_travel(-0.21), (-0.21,), reverses=True),
+    "SpeedDependentGain response": Case(plain.less_at_speed(-0.02), (-0.02,)),
 }
 
 NAMES = [label(effect) for effect in ACTUATOR]

@@ -1,7 +1,8 @@
 """Speed-dependent gain: the steering answers less, or more, at speed."""
 
-from typing import ClassVar
+from typing import ClassVar, Literal
 
+import equinox as eqx
 from jaxtyping import Array, Float
 
 from vdmsi_jax.effects.base import AbstractEffect, Scales, Signals
@@ -9,14 +10,23 @@ from vdmsi_jax.parameters import parameter
 
 
 class SpeedDependentGain(AbstractEffect):
-    """Gain `1 + slope v`."""
+    """Gain `1 + slope v`.
+
+    Attributes:
+        of: what it multiplies: the command, or the response with its offset, where the command was
+            shifted before.
+    """
 
     cause: ClassVar[str] = "speed_dependent_gain"
 
     slope: Float[Array, ""] = parameter("1/(m/s)", "relative change of the gain per m/s")
+    of: Literal["command", "response"] = eqx.field(static=True, default="command")
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
         return [(k / max(scales.speed, 0.1),) for k in (-0.3, -0.05, 0.05, 0.3)]
 
     def command(self, u: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
-        return u + self.slope * signals.v * u
+        return u + self.slope * signals.v * u if self.of == "command" else u
+
+    def measured(self, y: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
+        return y + self.slope * signals.v * y if self.of == "response" else y
