@@ -269,7 +269,7 @@ def test_a_trace_beside_a_cause_that_takes_nearly_all_is_minor(before, minor):
     play, coupling = named("backlash"), named("cross_coupling")
     trial, told = judged(play, before, 97.4)
     trials = [(coupling, judged(coupling, 80.0, 97.4)[0]), (play, trial)]
-    assert WEIGHING.minor(play, trial, told, 0.0, 0.0, False, trials) is minor
+    assert bool(WEIGHING.why_minor(play, trial, told, 0.0, 0.0, False, trials)) is minor
 
 
 @pytest.mark.parametrize(("before", "minor"), [(97.36, True), (97.2, False)])
@@ -278,10 +278,10 @@ def test_a_trace_that_is_next_to_nothing_is_minor_however_sure_it_is(before, min
     trial, told = judged(play, before, 97.4)
     trials = [(coupling, judged(coupling, 80.0, 97.4)[0]), (play, trial)]
     told = replace(told, statistic=600.0)
-    assert WEIGHING.minor(play, trial, told, 0.0, 0.0, False, trials) is minor
+    assert bool(WEIGHING.why_minor(play, trial, told, 0.0, 0.0, False, trials)) is minor
     late = named("transport_delay")  # which zeros of the plant without it have told nearly as well
     trials = [trials[0], (late, trial)]
-    assert not WEIGHING.minor(late, trial, told, 0.0, 0.0, False, trials)
+    assert not WEIGHING.why_minor(late, trial, told, 0.0, 0.0, False, trials)
 
 
 @pytest.mark.parametrize(("puzzle", "minor"), [(0.3, False), (0.6, True)])
@@ -289,7 +289,7 @@ def test_a_name_that_takes_less_than_what_stays_a_puzzle_stands_in_for_it(puzzle
     """It takes 0.28 of the error; of the rest so much is structure that nothing explains."""
     play = named("backlash")
     trial, told = judged(play, 90.0, 91.5)
-    assert WEIGHING.minor(play, trial, told, puzzle, 0.0, False, [(play, trial)]) is minor
+    assert bool(WEIGHING.why_minor(play, trial, told, puzzle, 0.0, False, [(play, trial)])) is minor
 
 
 @pytest.mark.parametrize(("without", "minor"), [(5.0, False), (200.0, True)])
@@ -302,8 +302,8 @@ def test_a_trace_of_what_was_wrong_mends_a_form_where_much_stays_a_puzzle(withou
     weighing = replace(WEIGHING, baseline={"y": bare})
     told = replace(told, statistic=600.0)
     tried = [(bend, trial), beside]
-    assert weighing.minor(bend, trial, told, 0.3, 0.0, False, tried) is minor
-    assert not weighing.minor(bend, trial, told, 0.0, 0.0, False, tried)
+    assert bool(weighing.why_minor(bend, trial, told, 0.3, 0.0, False, tried)) is minor
+    assert not weighing.why_minor(bend, trial, told, 0.0, 0.0, False, tried)
 
 
 @pytest.mark.parametrize(("cause", "std", "minor"), [
@@ -315,7 +315,7 @@ def test_a_delay_that_is_known_exactly_is_told_however_slow_errors_weigh(cause, 
     trial, told = judged(late, 90.0, 90.2)
     trial = replace(trial, steady=1.4, gain=replace(trial.gain, se=0.18, typical=0.001))
     told = replace(told, statistic=1000.0, parameters={"delay": Estimate(0.14, std, "s")})
-    assert WEIGHING.minor(late, trial, told, 0.0, 0.0, False, [(late, trial)]) is minor
+    assert bool(WEIGHING.why_minor(late, trial, told, 0.0, 0.0, False, [(late, trial)])) is minor
 
 
 @pytest.mark.parametrize(("se", "minor"), [(0.3, False), (2.0, True)])
@@ -323,7 +323,7 @@ def test_a_small_gain_that_is_less_than_its_standard_error_is_minor(se, minor):
     grade = named("road_grade")
     trial, told = judged(grade, 80.0, 81.4)
     trial = replace(trial, gain=replace(trial.gain, se=se, typical=0.4))
-    assert WEIGHING.minor(grade, trial, told, 0.0, 0.0, False, [(grade, trial)]) is minor
+    assert bool(WEIGHING.why_minor(grade, trial, told, 0.0, 0.0, False, [(grade, trial)])) is minor
 
 
 @pytest.mark.parametrize("cause", ["periodic_disturbance", "backlash"])
@@ -333,8 +333,9 @@ def test_a_line_is_one_where_what_wanders_beside_it_is_less(cause, disturbance):
     trial, told = judged(line, 90.0, 91.5)
     trial = replace(trial, gain=replace(trial.gain, typical=0.28))
     told = replace(told, parameters={"frequency": Estimate(0.5, 0.001, "Hz")})
-    minor = WEIGHING.minor(line, trial, told, 0.0, disturbance, False, [(line, trial)])
-    assert minor is (cause == "periodic_disturbance" and disturbance == 0.9)
+    why = WEIGHING.why_minor(line, trial, told, 0.0, disturbance, False, [(line, trial)])
+    wanders = cause == "periodic_disturbance" and disturbance == 0.9
+    assert why == ("what it leaves unexplained is more than it takes" if wanders else "")
 
 
 @pytest.mark.parametrize(
@@ -355,8 +356,8 @@ def test_a_cause_without_a_size_is_minor_whatever_it_takes(cause, size, std, min
         seen = {"frequency": Estimate(1.8, 0.2, "Hz"), "damping": Estimate(0.07, 0.1, "1")}
         seen |= {"weight": Estimate(size, std, "1")}
     told = replace(told, cause=cause, parameters=seen)
-    tried = [(named_so, trial)]
-    assert WEIGHING.minor(named_so, trial, told, 0.0, 0.0, False, tried) is minor
+    why = WEIGHING.why_minor(named_so, trial, told, 0.0, 0.0, False, [(named_so, trial)])
+    assert ("standard error" in why) is minor and bool(why) is minor
 
 
 def test_of_what_only_brief_noise_shows_little_mends_what_takes_more():
@@ -365,9 +366,11 @@ def test_of_what_only_brief_noise_shows_little_mends_what_takes_more():
     first, second = named("saturation", search=search), named("backlash", search=search)
     trials = [(first, judged(first, 74.0, 82.0)), (second, judged(second, 77.0, 82.0))]
     tried = [(cause, trial) for cause, (trial, _) in trials]
-    minor = [weighing.minor(c, t, told, 0.0, 0.0, False, tried) for c, (t, told) in trials]
+    minor = [
+        bool(weighing.why_minor(c, t, told, 0.0, 0.0, False, tried)) for c, (t, told) in trials
+    ]
     assert minor == [False, True]
-    alone = weighing.minor(second, *trials[1][1], 0.0, 0.0, False, tried[1:])
+    alone = weighing.why_minor(second, *trials[1][1], 0.0, 0.0, False, tried[1:])
     assert not alone  # what leads is told, however little it takes beside the others
 
 

@@ -30,8 +30,8 @@ from .rounding import COARSE, quantised, tells_rounding
 from .runs import Runs
 from .screen import screen
 from .selection import joined
-from .weighing import Weighing, crowd, of_innovations, overshadowed
-from .words import sentence, summary
+from .weighing import LITTLE, Weighing, crowd, of_innovations, overshadowed
+from .words import apart, sentence, summary
 
 _TWINS = {"powertrain": "v", "steering": "delta"}
 _SENSED = {"transport_delay": "sensor_delay", "offset": "sensor_bias"}
@@ -59,9 +59,11 @@ class Evidence:
         weighing = Weighing(self.searches, self.runs, plain, extended)
         findings, minor, crowds = self._weighed(sure, trials, weighing, remains, road)
         for found in rounded:
-            (findings if found.share >= COARSE else minor).append(found)
+            coarse = found.share >= COARSE
+            (findings if coarse else minor).append(found if coarse else apart(found, LITTLE))
         beside = [f for f in findings if overshadowed(f, findings)]
         findings = sorted((f for f in findings if f not in beside), key=_rank)
+        minor += [apart(f, "it may mend the form of a much stronger one") for f in beside]
         left = [*remains.structure, *crowds]
         open_ = unexplained(
             left,
@@ -73,7 +75,7 @@ class Evidence:
         told = Diagnosis(
             verdict="unexplained_structure" if open_ else explained,
             findings=tuple(findings),
-            minor=tuple(sorted([*minor, *beside], key=_rank)),
+            minor=tuple(sorted(minor, key=_rank)),
             unexplained=tuple(left),
             disturbances=tuple(remains.disturbances),
             baseline=plain_model(self.searches, self.records),
@@ -122,21 +124,25 @@ class Evidence:
             channel, share = trial.gain.channel, max(found.share, trial.gain.typical)
             puzzle = _doubt(remains.puzzles, cause, trial)
             disturbance = _doubt(remains.disturbed, cause, trial)
-            small = (
-                weighing.minor(cause, trial, found, puzzle, disturbance, leads, trials)
-                or any(f in (cause.finding, cause.body) for f in remains.outdone)
-                or remains.outdoes(found.cause, channel, share)
-                or remains.drowns(channel, found.share, cause.hides_small)
-                or (cause.where == "sensor" and cause.channel in remains.dropping)
-            )
-            (minor if small else findings).append(found)
-            if not small and cause.search is not None:
+            why = weighing.why_minor(cause, trial, found, puzzle, disturbance, leads, trials)
+            outdone = any(f in (cause.finding, cause.body) for f in remains.outdone)
+            if outdone or remains.outdoes(found.cause, channel, share):
+                why = why or "a kind of error that has no name here explains it better"
+            elif remains.drowns(channel, found.share, cause.hides_small):
+                why = why or "what nothing explains is much larger"
+            elif cause.where == "sensor" and cause.channel in remains.dropping:
+                why = why or "its sensor drops out"
+            if why:
+                minor.append(apart(found, why))
+                continue
+            findings.append(found)
+            if cause.search is not None:
                 of_plant.setdefault(id(cause.search), []).append(found)
         for spec, own in self.searches.items():
             many, said = crowd(of_plant.get(id(own), []))
             if many:
                 findings = [f for f in findings if f not in many]
-                minor += many
+                minor += [apart(f, "several causes would have to explain one error") for f in many]
                 taken = min(weighing.taken(spec.output), 1.0)
                 crowds.append(Unexplained(spec.output, taken, (), (), said, puzzling=True))
         return findings, minor, crowds

@@ -20,6 +20,9 @@ MINOR = 0.03
 """Share of the held-out squared error of its channel, with no cause or with all others, below which
 a significant cause is minor: cars on a physics engine, whose causes are none, reach 0.026."""
 
+LITTLE = "it takes little of the error"
+"""Why a cause is minor that is significant and of no weight."""
+
 _MUCH, _POINTS, _CERTAIN = 0.2, 2.0, 500.0  # of what all others leave, of FIT, and of twice the
 # log-likelihood: from either one a cause matters however small it is beside them; of eight blind
 # exams wrong names so small had up to 0.02, 0.1 and 220, right ones 0.23, 0.5 and 500
@@ -97,7 +100,7 @@ class Weighing:
             if other.search is cause.search and other is not cause and other.cause in alike
         ]
 
-    def minor(
+    def why_minor(
         self,
         cause: Named,
         trial: Trial,
@@ -106,8 +109,8 @@ class Weighing:
         disturbance: float,
         leads: bool,
         trials: Sequence[tuple[Named, Trial]],
-    ) -> bool:
-        """Whether a cause is minor.
+    ) -> str:
+        """Why a cause is minor, in words that follow "since"; empty where it is not.
 
         Args:
             cause: that is sure.
@@ -118,32 +121,50 @@ class Weighing:
             leads: whether it is the first of several that stand in for each other.
             trials: all causes, and what they are worth.
         """
+        share, points = max(found.share, trial.gain.typical), trial.gain.after - trial.gain.before
+        puzzling, disturbed = (x * (1.0 - share) > _PUZZLE for x in (puzzle, disturbance))
+        wandering = disturbance if cause.cause == "periodic_disturbance" else 0.0
+        if self._little(cause, trial, found, leads):
+            return LITTLE
+        if found.share < _MUCH and 0.0 <= points < min(trial.gain.se, _POINTS):
+            if found.statistic < _CERTAIN:  # elsewhere it may be a loss
+                return "its gain differs too much from block to block"
+        if puzzling and 0.0 <= self._of_all(cause, trial.gain) < _TRACE:
+            return "it may mend the form of what nothing explains"
+        exact = not puzzling and _exact(found)
+        if not (exact or trial.believed(share, puzzling, disturbed)):
+            return "data held out do not bear it out surely enough beside what is left"
+        if max(puzzle, wandering) * (1.0 - share) > share:
+            return "what it leaves unexplained is more than it takes"
+        if puzzling and cause.search is not None and self._wanders(found):
+            return "any slow error has such a part"
+        if trial.gain.typical <= 0.0 and self._imitated(cause, trial.gain):
+            return "poles and zeros tell it as well"
+        # the share of a delay is told against a plant without zeros, and says less
+        doubted = share < _STRONG or cause.cause == "transport_delay"
+        if (doubted and _vague(cause, found)) or _sizeless(found):
+            return "its size is lost in its standard error"
+        brief = share < _TAKEN and _by_brief_noise(cause) and self._beside(cause, trials)
+        if brief or self._mends(cause, trial.gain, trials, leads):
+            return "it may only mend the form of a cause beside it"
+        if _of_a_bend(cause, trials):
+            return "it is where the tangent of the bent characteristic meets zero"
+        if found.form == RESTS:
+            return "it is the level at which the plant rests"
+        if self._negligible(found):
+            return "so much of it every vehicle, plant or bus has"
+        return ""
+
+    def _little(self, cause: Named, trial: Trial, found: Finding, leads: bool) -> bool:
+        """Whether a cause takes little of its channel's error: of what is left without it, or of
+        all that no cause takes, where it is little of the rest as well."""
         share = max(found.share, trial.gain.typical)
         part, points = self._of_all(cause, trial.gain), trial.gain.after - trial.gain.before
         nothing = points < _NEXT_TO_NOTHING and cause.cause != "transport_delay"  # zeros tell it
         trace = nothing or (0.0 <= part < _TRACE and points < _TRACE_POINTS)
         rest = share < (_TRACE_SHARE if trace else _MUCH) and points < _POINTS
         rest = rest and (nothing or found.statistic < _CERTAIN)
-        beside = rest and 0.0 <= part < MINOR
-        small = share < MINOR or (beside and not leads)
-        unsure = found.share < _MUCH and 0.0 <= points < min(trial.gain.se, _POINTS)
-        small = small or (unsure and found.statistic < _CERTAIN)  # elsewhere it may be a loss
-        puzzling, disturbed = (x * (1.0 - share) > _PUZZLE for x in (puzzle, disturbance))
-        small = small or (puzzling and 0.0 <= part < _TRACE)  # it mends another's form
-        exact = not puzzling and _exact(found)
-        small = small or not (exact or trial.believed(share, puzzling, disturbed))
-        wandering = disturbance if cause.cause == "periodic_disturbance" else 0.0
-        # most of it is what it stands in for, or wanders as it does
-        small = small or max(puzzle, wandering) * (1.0 - share) > share
-        small = small or (puzzling and cause.search is not None and self._wanders(found))
-        imitated = trial.gain.typical <= 0.0 and self._imitated(cause, trial.gain)
-        # the share of a delay is told against a plant without zeros, and says less
-        doubted = share < _STRONG or cause.cause == "transport_delay"
-        vague = (doubted and _vague(cause, found)) or _sizeless(found)
-        mends = self._mends(cause, trial.gain, trials, leads)
-        mends = mends or (share < _TAKEN and _by_brief_noise(cause) and self._beside(cause, trials))
-        mends = mends or _of_a_bend(cause, trials)
-        return small or imitated or vague or mends or self._negligible(found)
+        return share < MINOR or (rest and 0.0 <= part < MINOR and not leads)
 
     def _mends(
         self, cause: Named, gain: Gain, trials: Sequence[tuple[Named, Trial]], leads: bool = False
@@ -231,10 +252,10 @@ class Weighing:
     def _negligible(self, found: Finding) -> bool:
         """Whether it is less than a body's or a plant's own: a sensor that is late by less than
         half a sample, tyres by less than one that tell little, a body that turns with its tyres, a
-        level at which a plant rests, a response that is early or late by what every bus takes, a
-        mode that poles of the baseline tell as well, or what hardly swings in these logs, at no
-        frequency of its own, or between their samples; a body that is slightly another, or slower
-        in bends; or a small gain in one channel that is none on the road.
+        response that is early or late by what every bus takes, a mode that poles of the baseline
+        tell as well, or what hardly swings in these logs, at no frequency of its own, or between
+        their samples; a body that is slightly another, or slower in bends; or a small gain in one
+        channel that is none on the road.
         """
         value, dt = next(iter(found.parameters.values())).value, self.runs.dt
         none, g = False, found.gain
@@ -250,8 +271,6 @@ class Weighing:
             none = found.share < _DRAG and g.after - g.before < _DRAGGED and not _shorter(g)
         elif found.cause == "yaw_inertia":
             none = value * float(np.mean(np.abs(self.runs.channel("v")))) < _TURNS
-        elif found.cause == "offset":
-            none = found.form == RESTS
         elif found.cause == "transport_delay":
             none = value < 0.0 or (value < _BUS and g.after - g.before < _LATE)
         elif found.cause == "periodic_disturbance":

@@ -1,5 +1,7 @@
 """The answer in words that an engineer acts on."""
 
+from dataclasses import replace
+
 from .result import Diagnosis, Finding, Unexplained
 
 _SPOILT = 0.05  # of the mean translation error, by which a path is worse
@@ -60,6 +62,11 @@ def sentence(f: Finding) -> str:
         names = " and ".join(in_words(r.cause) for r in out)
         said.append(f"Ruled out: {names}.")
     return " ".join(said)
+
+
+def apart(f: Finding, why: str) -> Finding:
+    """A finding that is minor, and why."""
+    return replace(f, sentence=f"{f.sentence} It stands apart: {why}.")
 
 
 def _meaning(f: Finding) -> list[str]:
