@@ -60,10 +60,11 @@ def stage_of(runs: Runs, spec: PlantSpec, reference: KnownNoise | None = None) -
     is_vehicle = runs.records[0].vehicle is not None and spec.role != "plant"
     foreign = _FOREIGN.get(spec.role, set())
     foreign = foreign | (_PLANTS_ONLY if is_vehicle else _VEHICLES_ONLY | _BOTH_WAYS)
-    if u.min() >= 0.0 or u.max() <= 0.0:  # there both forms are one, and gears and spools are rare:
+    if u.min() >= 0.0 or u.max() <= 0.0:  # there both forms are one, and spools are rare
         foreign = foreign | {"gain_nonlinearity by skew", "quantization by truncation"}
-        foreign = foreign | {"dead_zone at spool", "backlash at between"}  # of tanks they imitate
-        # a rim
+        foreign = foreign | {"dead_zone at spool"}
+        if not is_vehicle:  # as are gears: of tanks they imitate a rim
+            foreign = foreign | {"backlash at between"}
         if np.abs(u).min() > _FAR * np.abs(u).max():
             foreign = foreign | {"dead_zone"}  # which it never enters: it is an offset
     if min(np.mean(v[seen] > 0.0), np.mean(v[seen] < 0.0)) < _REVERSED:
