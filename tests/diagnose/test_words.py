@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from vdmsi_jax.diagnose.result import Estimate, Finding, Gain
+from vdmsi_jax.diagnose.result import Estimate, Finding, Gain, Rival
 from vdmsi_jax.diagnose.verdict import _rank
-from vdmsi_jax.diagnose.words import sentence
+from vdmsi_jax.diagnose.words import apart, sentence
 
 
 def found(before=80.0, after=90.0, share=0.5, **more) -> Finding:
@@ -49,6 +49,20 @@ def test_a_ratio_says_which_side_is_weaker(cause, form, size, told):
 )
 def test_the_path_is_told_either_way(before, after, told):
     assert told in said(80.0, 90.0, ate_before=before, ate_after=after)
+
+
+def test_a_rival_of_another_sensor_says_of_which():
+    lags = [Rival("sensor_lag", "sensor", 50.0, False, channel) for channel in ("r", "delta")]
+    late = replace(found(), cause="sensor_delay", where="sensor", channel="r")
+    assert "Ruled out: sensor lag and sensor lag of delta." in sentence(
+        replace(late, rivals=tuple(lags))
+    )
+    assert "Ruled out: sensor lag." in sentence(replace(found(), rivals=tuple(lags[:1])))
+
+
+def test_what_is_minor_says_why():
+    told = replace(found(), sentence="Limited.")
+    assert apart(told, "it takes little").sentence == "Limited. It stands apart: it takes little."
 
 
 def test_a_path_that_hardly_changes_is_not_spoken_of():

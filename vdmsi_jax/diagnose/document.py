@@ -151,6 +151,7 @@ def _rival(rival: Rival) -> dict[str, Any]:
     return {
         "cause": rival.cause,
         "where": rival.where,
+        **({} if rival.channel is None else {"channel": rival.channel}),
         "deficit": rival.deficit,
         "indistinguishable": rival.indistinguishable,
     }

@@ -162,7 +162,7 @@ def of_body(search: BodySearch) -> list[Named]:
             for name, i, unit in zip(cause.names, index, cause.units, strict=True)
         }
         rivals = [
-            Rival(CAUSES[k].cause, CAUSES[k].where, lack, lack < MARGIN)
+            Rival(CAUSES[k].cause, CAUSES[k].where, lack, lack < MARGIN, CAUSES[k].channel)
             for k, lack in finding.others
             if k not in failed and CAUSES[k].told != cause.told
         ]
@@ -216,9 +216,9 @@ def _stds(fit: BodyFit) -> dict[int, float]:
 
 def _one_each(rivals: Sequence[Rival]) -> tuple[Rival, ...]:
     """The best form of each rival."""
-    best: dict[tuple[str, str], Rival] = {}
+    best: dict[tuple[str, str, str | None], Rival] = {}
     for rival in sorted(rivals, key=lambda r: r.deficit):
-        best.setdefault((rival.cause, rival.where), rival)
+        best.setdefault((rival.cause, rival.where, rival.channel), rival)
     return tuple(best.values())
 
 

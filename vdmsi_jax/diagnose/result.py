@@ -80,12 +80,14 @@ class Rival:
         deficit: how much worse it explains, in twice the log-likelihood; below the margin it cannot
             be told apart.
         indistinguishable: whether it cannot.
+        channel: of a sensor's cause.
     """
 
     cause: str
     where: str
     deficit: float
     indistinguishable: bool
+    channel: str | None = None
 
 
 @dataclass(frozen=True)

@@ -168,7 +168,7 @@ class Evidence:
         lack = 0.0
         if self.bodily is not None:
             lack = self._lack_of_twin(word, channel, cause)
-        rival = Rival(word, "sensor", lack, lack < MARGIN)
+        rival = Rival(word, "sensor", lack, lack < MARGIN, channel)
         return replace(cause, rivals=tuple(sorted((*cause.rivals, rival), key=lambda r: r.deficit)))
 
     def _lack_of_twin(self, word: str, channel: str, cause: Named) -> float:

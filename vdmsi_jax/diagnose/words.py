@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from .result import Diagnosis, Finding, Unexplained
+from .result import Diagnosis, Finding, Rival, Unexplained
 
 _SPOILT = 0.05  # of the mean translation error, by which a path is worse
 _MOST = 3  # rivals that a sentence names
@@ -53,15 +53,21 @@ def sentence(f: Finding) -> str:
             )
     close = [r for r in f.rivals if r.indistinguishable]
     if close:
-        words = list(dict.fromkeys(in_words(r.cause) for r in close))
+        words = list(dict.fromkeys(_rival(r, f) for r in close))
         names = " or ".join(words[:_MOST] + ["others"] * (len(words) > _MOST))
         said.append(f"{names[:1].upper()}{names[1:]} cannot be told apart from these logs;")
         said[-1] += f" to separate them: {f.separating_experiment}."
     out = [r for r in f.rivals if not r.indistinguishable][:2]
     if out:
-        names = " and ".join(in_words(r.cause) for r in out)
+        names = " and ".join(_rival(r, f) for r in out)
         said.append(f"Ruled out: {names}.")
     return " ".join(said)
+
+
+def _rival(rival: Rival, beside: Finding) -> str:
+    """A rival, and of which sensor where the finding is of another's."""
+    other = beside.channel is not None and rival.channel not in (None, beside.channel)
+    return in_words(rival.cause) + (f" of {rival.channel}" if other else "")
 
 
 def apart(f: Finding, why: str) -> Finding:

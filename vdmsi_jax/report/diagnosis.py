@@ -205,7 +205,7 @@ def _rivals(finding: Finding) -> Table:
     rows = [
         [
             in_words(rival.cause),
-            rival.where,
+            rival.where if rival.channel is None else f"{rival.where} of {rival.channel}",
             number(rival.deficit),
             "cannot be told apart" if rival.indistinguishable else "ruled out",
         ]
