@@ -27,7 +27,13 @@ from vdmsi_jax.diagnose.runs import Runs
 from vdmsi_jax.diagnose.stage import Stage
 from vdmsi_jax.diagnose.unexplained import BURSTS, WORSE
 from vdmsi_jax.diagnose.verdict import _or_else
-from vdmsi_jax.diagnose.weighing import Weighing, _of_a_bend, crowd, of_innovations
+from vdmsi_jax.diagnose.weighing import (
+    Weighing,
+    _of_a_bend,
+    crowd,
+    of_innovations,
+    overshadowed,
+)
 
 
 def searched(noise: Noise) -> Search:
@@ -309,13 +315,30 @@ def test_a_trace_of_what_was_wrong_mends_a_form_where_much_stays_a_puzzle(withou
 @pytest.mark.parametrize(("cause", "std", "minor"), [
     ("transport_delay", 0.002, False), ("transport_delay", 0.02, True), ("dead_zone", 0.002, True)
 ])  # fmt: skip
-def test_a_delay_that_is_known_exactly_is_told_however_slow_errors_weigh(cause, std, minor):
-    """It takes four per cent, and that not from block to block."""
+@pytest.mark.parametrize("after", [90.2, 90.12])
+def test_a_delay_that_is_known_exactly_is_told_however_little_it_takes(cause, std, minor, after):
+    """It takes four per cent, or two, and that not from block to block."""
     late = named(cause)
-    trial, told = judged(late, 90.0, 90.2)
+    trial, told = judged(late, 90.0, after)
     trial = replace(trial, steady=1.4, gain=replace(trial.gain, se=0.18, typical=0.001))
     told = replace(told, statistic=1000.0, parameters={"delay": Estimate(0.14, std, "s")})
     assert bool(WEIGHING.why_minor(late, trial, told, 0.0, 0.0, False, [(late, trial)])) is minor
+
+
+@pytest.mark.parametrize(
+    ("cause", "place", "hidden"),
+    [
+        ("transport_delay", "steering", False),  # mends nothing of the vehicle's
+        ("transport_delay", "vehicle", True),
+        ("dead_zone", "steering", True),
+    ],
+)
+def test_next_to_nothing_beside_a_strong_finding_may_mend_its_form(cause, place, hidden):
+    strong = replace(finding("understeer", 0.8), where="vehicle")
+    exact = {"delay": Estimate(0.14, 0.002, "s")}
+    weak = replace(finding(cause, 0.03), where=place, statistic=1000.0, parameters=exact)
+    assert overshadowed(weak, [strong, weak]) is hidden
+    assert not overshadowed(replace(weak, share=0.06), [strong, weak])
 
 
 @pytest.mark.parametrize(("se", "minor"), [(0.3, False), (2.0, True)])

@@ -124,14 +124,14 @@ class Weighing:
         share, points = max(found.share, trial.gain.typical), trial.gain.after - trial.gain.before
         puzzling, disturbed = (x * (1.0 - share) > _PUZZLE for x in (puzzle, disturbance))
         wandering = disturbance if cause.cause == "periodic_disturbance" else 0.0
-        if self._little(cause, trial, found, leads):
+        exact = not puzzling and _exact(found)
+        if not exact and self._little(cause, trial, found, leads):
             return LITTLE
         if found.share < _MUCH and 0.0 <= points < min(trial.gain.se, _POINTS):
             if found.statistic < _CERTAIN:  # elsewhere it may be a loss
                 return "its gain differs too much from block to block"
         if puzzling and 0.0 <= self._of_all(cause, trial.gain) < _TRACE:
             return "it may mend the form of what nothing explains"
-        exact = not puzzling and _exact(found)
         if not (exact or trial.believed(share, puzzling, disturbed)):
             return "data held out do not bear it out surely enough beside what is left"
         if max(puzzle, wandering) * (1.0 - share) > share:
@@ -329,8 +329,8 @@ def _sizeless(found: Finding) -> bool:
 
 
 def _exact(found: Finding) -> bool:
-    """Whether a delay is sure by its size: it shows at what is fast, and a slow error that is most
-    of all error hides what it takes, and takes it from block to block."""
+    """Whether a delay is sure by its size: it shows at what is fast, and noise or a slow error that
+    is most of all error hides what it takes, and takes it from block to block."""
     if found.cause != "transport_delay" or found.statistic < _CERTAIN:
         return False
     delay = found.parameters["delay"]
@@ -351,9 +351,13 @@ def _vague(cause: Named, found: Finding) -> bool:
 
 def overshadowed(found: Finding, findings: Sequence[Finding]) -> bool:
     """Whether it is next to nothing beside a strong finding, whose form it may mend: a fade that is
-    not quite straight, a part that is not quite a formula."""
+    not quite straight, a part that is not quite a formula. A delay that is known exactly mends
+    none but one of its own actuator."""
     weak = _WEAK if found.statistic >= _FAINT else 2.0 * _WEAK
-    return found.share < weak and any(f.share > _STRONG for f in findings)
+    strong = [f for f in findings if f.share > _STRONG]
+    if _exact(found):
+        strong = [f for f in strong if f.where == found.where]
+    return found.share < weak and bool(strong)
 
 
 def crowd(findings: Sequence[Finding]) -> tuple[list[Finding], str]:
