@@ -2,9 +2,11 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from vdmsi_jax.diagnose.naming import Named, as_offset, merged, with_form
+from vdmsi_jax.diagnose.hypothesis import Hypothesis, Refit
+from vdmsi_jax.diagnose.naming import Named, _friction, as_offset, merged, with_form
 from vdmsi_jax.diagnose.result import Estimate, Rival
 
 
@@ -53,3 +55,25 @@ def test_what_is_not_known_of_a_form_widens_sizes_and_no_frequency():
 
     assert wider["gap"].std == pytest.approx(0.05)
     assert wider["frequency"] == told["frequency"]
+
+
+@pytest.mark.parametrize(
+    ("level", "more", "together", "told"),
+    [
+        ((0.02, 0.001), (0.001, 0.002), 0.002, {"level": 0.02}),
+        ((0.02, 0.001), (0.008, 0.002), 0.002, {"level": 0.02, "static": 0.028}),
+        # what hardly slides: either could be nothing, and both together not
+        ((0.0004, 0.037), (0.024, 0.043), 0.005, {"level": 0.0004, "static": 0.0244}),
+        ((0.0004, 0.037), (0.024, 0.043), 0.05, {"level": 0.0004}),
+    ],
+)
+def test_the_static_level_of_friction_is_told_where_the_data_tell_it(level, more, together, told):
+    shared = 0.5 * (together**2 - level[1] ** 2 - more[1] ** 2)
+    covariance = np.array([[level[1] ** 2, shared], [shared, more[1] ** 2]])
+    plant, rows = Hypothesis(1, 0, (0,), np.zeros(20)), np.zeros((1, 9))
+    fit = Refit(plant, 0.0, rows, rows, np.zeros((9, 1)), np.zeros(3), 1.0, covariance)
+    seen = {"level": Estimate(*level, "rad"), "breakaway": Estimate(*more, "rad")}
+    found = _friction(seen, fit, [0, 1])
+    assert {name: e.value for name, e in found.items()} == pytest.approx(told)
+    if "static" in told:
+        assert found["static"].std == pytest.approx(together)

@@ -249,7 +249,20 @@ def estimates(
             estimate, std = _felt(fit, free, i)
         value, std = known.tell(estimate, std)
         told[name] = Estimate(value, std, told_unit(slot, j, units))
+    if slot.cause == "coulomb_friction":
+        return _friction(told, fit, [free.index(i) for i in slot.index[:2] if i in free])
     return _renamed(slot.cause, told)
+
+
+def _friction(told: Mapping[str, Estimate], fit: Refit, both: Sequence[int]) -> dict[str, Estimate]:
+    """Level, and the static one where it is told from it; or where only that one is: of what hardly
+    slides nobody knows what slides."""
+    level, more = told["level"], told["breakaway"]
+    std = _push(fit.hypothesis) * math.sqrt(max(float(fit.covariance[np.ix_(both, both)].sum()), 0))
+    static = Estimate(level.value + more.value, std, level.unit)
+    above = more.value > _CLEAR * more.std
+    alone = level.value < _CLEAR * level.std and static.value > _CLEAR * static.std
+    return {"level": level, "static": static} if above or alone else {"level": level}
 
 
 def _felt(fit: Refit, free: Sequence[int], at: int) -> tuple[float, float]:
@@ -313,11 +326,6 @@ def _renamed(cause: str, told: dict[str, Estimate]) -> dict[str, Estimate]:
         slowing = told["slowing"]
         sure = abs(slowing.value) > _CLEAR * slowing.std
         return told if sure else {name: told[name] for name in ("time", "gain")}
-    if cause == "coulomb_friction":
-        level, more = told["level"], told["breakaway"]
-        if not more.value > _CLEAR * more.std:
-            return {"level": level}
-        return {"level": level, "static": Estimate(level.value + more.value, more.std, level.unit)}
     return told
 
 
