@@ -4,6 +4,7 @@ import threading
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
@@ -29,6 +30,12 @@ def test_each_answers_in_order_and_in_the_precision_of_who_asks(double):
     with jax.enable_x64(double):
         found = each(lambda k: (k, jnp.ones(()).dtype.itemsize), range(9))
     assert found == [(k, 8 if double else 4) for k in range(9)]
+
+
+@pytest.mark.parametrize("care", ["ignore", "raise"])
+def test_each_cares_for_overflows_as_who_asks(care):
+    with np.errstate(over=care):
+        assert each(lambda _: np.geterr()["over"], range(4)) == [care] * 4
 
 
 def test_what_fails_in_a_thread_fails_where_it_was_asked():

@@ -8,6 +8,7 @@ from functools import cache
 from typing import Any, TypeVar
 
 import jax
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 T = TypeVar("T")
@@ -29,16 +30,17 @@ def one_for_blas() -> AbstractContextManager[object]:
 
 
 def each(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
-    """What a function makes of every item, side by side, in the precision of the thread that asks.
+    """What a function makes of every item, side by side, in the precision of the thread that asks,
+    and with its care for overflows and the like.
 
     All who ask share the same threads, so the function must not ask again.
     """
     if len(items) < 2:
         return [function(item) for item in items]
-    double = bool(_SETTINGS.jax_enable_x64)
+    double, care = bool(_SETTINGS.jax_enable_x64), np.geterr()
 
     def run(item: T) -> R:
-        with jax.enable_x64(double):  # which is a thread's own
+        with jax.enable_x64(double), np.errstate(**care):  # both are a thread's own
             return function(item)
 
     return list(_pool().map(run, items))
