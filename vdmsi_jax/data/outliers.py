@@ -80,10 +80,9 @@ def _stale(x: Float[np.ndarray, " n"]) -> int:
     steps = np.abs(np.diff(x))
     if steps.size <= 2 * _ABOUT + _LONGEST:
         return 0
-    spread, tail = _SPREADS * 1.4826 * np.median(steps), _BEYOND * np.quantile(steps, 1.0 - _RARE)
+    far = _stands_out(steps, _RARE, 0.0)
     for k in range(_LONGEST):
-        follow = steps[k + 1 : k + 1 + 2 * _ABOUT].max()
-        if steps[k] > max(spread, tail, _BEGINS * follow):
+        if far[k] and steps[k] > _BEGINS * steps[k + 1 : k + 1 + 2 * _ABOUT].max():
             return k + 1
     return 0
 

@@ -124,14 +124,14 @@ def _turned(records: Sequence[Record]) -> list[np.ndarray]:
     turns: list[list[np.ndarray]] = [[], [], []]
     for record in records:
         every = slice(None, None, max(1, round(_TURN / record.dt)))
-        rates = [record["r"]]
+        made = None
         if record.vehicle is not None and "v" in record and "delta" in record:
             bicycle = Bicycle.at_reference(record.vehicle)
-            rates.append(np.asarray(bicycle.yaw_rate(record["v"], record["delta"])))
-        for s in record.segments:
-            heading = np.unwrap(record["psi"][s.samples])
-            summed = [np.cumsum(x[s.samples]) * record.dt for x in rates]
-            for kept, angle in zip(turns, (summed[0], heading, *summed[1:]), strict=False):
+            made = np.asarray(bicycle.yaw_rate(record["v"], record["delta"]))
+        for part in (s.samples for s in record.segments):
+            angles = [np.cumsum(record["r"][part]) * record.dt, np.unwrap(record["psi"][part])]
+            angles += [] if made is None else [np.cumsum(made[part]) * record.dt]
+            for kept, angle in zip(turns, angles, strict=False):
                 turn = np.diff(angle[every])
                 kept.append(turn - turn.mean() if turn.size else turn)
     return [np.concatenate(own) if own else np.zeros(0) for own in turns]

@@ -58,9 +58,8 @@ class Evidence:
         sure = [t for t in trials if t[1].worth > 0.0 and not tells_rounding(*t, rounded)]
         weighing = Weighing(self.searches, self.runs, plain, extended)
         findings, minor, crowds = self._weighed(sure, trials, weighing, remains, road)
-        for found in rounded:
-            coarse = found.share >= COARSE
-            (findings if coarse else minor).append(found if coarse else apart(found, LITTLE))
+        findings += [f for f in rounded if f.share >= COARSE]
+        minor += [apart(f, LITTLE) for f in rounded if f.share < COARSE]
         beside = [f for f in findings if overshadowed(f, findings)]
         findings = sorted((f for f in findings if f not in beside), key=_rank)
         minor += [apart(f, "it may mend the form of a much stronger one") for f in beside]
@@ -125,13 +124,7 @@ class Evidence:
             puzzle = _doubt(remains.puzzles, cause, trial)
             disturbance = _doubt(remains.disturbed, cause, trial)
             why = weighing.why_minor(cause, trial, found, puzzle, disturbance, leads, trials)
-            outdone = any(f in (cause.finding, cause.body) for f in remains.outdone)
-            if outdone or remains.outdoes(found.cause, channel, share):
-                why = why or "a kind of error that has no name here explains it better"
-            elif remains.drowns(channel, found.share, cause.hides_small):
-                why = why or "what nothing explains is much larger"
-            elif cause.where == "sensor" and cause.channel in remains.dropping:
-                why = why or "its sensor drops out"
+            why = why or _lost(cause, found, remains, channel, share)
             if why:
                 minor.append(apart(found, why))
                 continue
@@ -318,6 +311,18 @@ def _taken(weighing: Weighing, findings: Sequence[Finding], channel: str) -> flo
     data held out, whichever is less."""
     shares = [f.share for f in findings if f.gain.channel == channel]
     return min(max([weighing.taken(channel), *shares]), weighing.fitted(channel))
+
+
+def _lost(cause: Named, found: Finding, remains: Remains, channel: str, share: float) -> str:
+    """Why a cause is minor beside what no cause accounts for; empty where it is not."""
+    outdone = any(f in (cause.finding, cause.body) for f in remains.outdone)
+    if outdone or remains.outdoes(found.cause, channel, share):
+        return "a kind of error that has no name here explains it better"
+    if remains.drowns(channel, found.share, cause.hides_small):
+        return "a load that a controller answers is much larger"
+    if cause.where == "sensor" and cause.channel in remains.dropping:
+        return "its sensor drops out"
+    return ""
 
 
 def _or_else(cause: Named, others: Sequence[Named]) -> Named:

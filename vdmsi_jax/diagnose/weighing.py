@@ -110,7 +110,7 @@ class Weighing:
         leads: bool,
         trials: Sequence[tuple[Named, Trial]],
     ) -> str:
-        """Why a cause is minor, in words that follow "since"; empty where it is not.
+        """Why a cause is minor, in words; empty where it is not.
 
         Args:
             cause: that is sure.
