@@ -48,6 +48,38 @@ def test_what_the_body_takes_back_is_the_sensors():
     assert len(merged([OFFSET, other])) == 2
 
 
+LATE = replace(
+    named("sensor_lag", "sensor", time_constant=(0.055, 0.003)),
+    channel="v",
+    rivals=(Rival("sensor_delay", "sensor", 1.0, True, "v"),),
+)
+
+
+def test_a_lag_of_a_sensor_that_may_be_a_delay_is_that_of_its_actuator():
+    delay = named("transport_delay", "powertrain", delay=(0.0545, 0.0013))
+    (told,) = merged([delay, LATE])
+    assert (told.cause, told.where, told.channel) == ("sensor_delay", "sensor", "v")
+    assert told.parameters == delay.parameters
+    # told apart from a delay, or of another size, it is one beside the actuator's
+    assert len(merged([delay, replace(LATE, rivals=())])) == 2
+    other = named("transport_delay", "powertrain", delay=(0.2, 0.0013))
+    assert len(merged([other, LATE])) == 2
+
+
+def test_what_cannot_be_told_from_a_sensors_bias_is_that_bias():
+    bias = replace(named("sensor_bias", "sensor", bias=(-0.08, 0.002)), channel="v")
+    weak = replace(
+        named("dead_zone", "powertrain", half_width=(0.09, 0.02)),
+        statistic=27.0,
+        rivals=(Rival("offset", "powertrain", 1.0, True),),
+    )
+    (told,) = merged([weak, bias])
+    assert (told.cause, told.where) == ("sensor_bias", "sensor")
+    assert ("dead_zone", False) in [(r.cause, r.indistinguishable) for r in told.rivals]
+    assert len(merged([replace(weak, rivals=()), bias])) == 2
+    assert len(merged([replace(weak, statistic=5000.0), bias])) == 2
+
+
 def test_what_is_not_known_of_a_form_widens_sizes_and_no_frequency():
     told = {"gap": Estimate(-2.0, 0.04, "rad"), "frequency": Estimate(5.0, 0.001, "Hz")}
 

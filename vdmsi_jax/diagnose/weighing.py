@@ -237,9 +237,9 @@ class Weighing:
         return not late and self.taken(gain.channel) <= 0.0
 
     def _wanders(self, found: Finding) -> bool:
-        """Whether any slow error has what it tells: a mean that is not nearly all of it, or a
-        period that fits into the longest run only a few times."""
-        if found.cause == "offset":
+        """Whether any slow error has what it tells: a mean or a drift that is not nearly all of
+        it, or a period that fits into the longest run only a few times."""
+        if found.cause in ("offset", "gain_drift"):
             return found.share < NEARLY_ALL
         slow = found.cause == "periodic_disturbance"
         return slow and found.parameters["frequency"].value * self._longest < _PERIODS
