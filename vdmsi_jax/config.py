@@ -102,8 +102,8 @@ class PlantSpec:
 
     Attributes:
         name: what it is called in results (`powertrain`, `steering`, ...).
-        input: the channel that drives it.
-        output: the channel that answers.
+        input: the channel that drives it; a table may call it `command`.
+        output: the channel that answers; likewise `response`.
     """
 
     name: str
@@ -137,6 +137,7 @@ _SINGLE = (
     PlantSpec("plant", "u", "y"),
 )
 """Usual names of a plant that is no vehicle's: of a log without the channels of a vehicle's."""
+_OTHERWISE = {"command": "input", "response": "output"}  # how a table may call a plant's channels
 
 
 def plants_among(channels: Collection[str]) -> tuple[PlantSpec, ...]:
@@ -427,4 +428,9 @@ def load_config(path: str | Path | None) -> Config:
     table = load_toml(path)
     if isinstance(table.get("plant"), dict) and "plants" not in table:  # the only one
         table["plants"] = [{"name": "plant"} | table.pop("plant")]
+    plants = table.get("plants")
+    for plant in plants if isinstance(plants, list) else []:
+        for name, own in _OTHERWISE.items():
+            if isinstance(plant, dict) and name in plant and own not in plant:
+                plant[own] = plant.pop(name)
     return dataclasses.replace(decode(Config, table, source=str(path)), path=path)

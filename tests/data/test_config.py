@@ -189,9 +189,10 @@ def test_a_plant_s_own_y_is_no_place_beside_a_vehicle(tmp_path):
         load_config(path)
 
 
-def test_a_plant_alone_stands_in_a_table_of_its_own(tmp_path):
+@pytest.mark.parametrize("names", [("input", "output"), ("command", "response")])
+def test_a_plant_alone_stands_in_a_table_of_its_own(tmp_path, names):
     file = tmp_path / "motor.toml"
-    file.write_text('[plant]\ninput = "volt"\noutput = "speed"\n', encoding="utf-8")
+    file.write_text('[plant]\n{} = "volt"\n{} = "speed"\n'.format(*names), encoding="utf-8")
 
     (plant,) = load_config(file).plants
 
@@ -199,4 +200,12 @@ def test_a_plant_alone_stands_in_a_table_of_its_own(tmp_path):
 
     file.write_text('[plant]\ninput = "volt"\noutlet = "speed"\n', encoding="utf-8")
     with pytest.raises(InputError, match="outlet.*output"):
+        load_config(file)
+
+    file.write_text('[plant]\ncommand = "volt"\ninput = "amps"\noutput = "speed"\n')
+    with pytest.raises(InputError, match="command"):  # one too many
+        load_config(file)
+
+    file.write_text("plants = 3\n", encoding="utf-8")
+    with pytest.raises(InputError, match="plants"):
         load_config(file)
