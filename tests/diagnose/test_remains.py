@@ -204,7 +204,7 @@ def burst(seconds: float, size: float) -> list:
     first = N // 2 + 5
     residual[0, first : first + max(1, round(seconds / DT))] += size
     nowhere = ~EVERYWHERE
-    return structure("v", residual, residual, EVERYWHERE, nowhere, ("one",), DT)
+    return structure("v", residual, residual, EVERYWHERE, nowhere, (("one", 0.0),), DT)
 
 
 def test_an_event_is_told_and_a_sample_that_stands_out_is_not():
@@ -222,7 +222,7 @@ def test_events_in_coloured_noise_are_told_where_there_surely_are_some():
         jumps[0, first : first + 25] += 0.25
 
     def told(residual, sure):
-        return events("pose", residual, NOISE, EVERYWHERE, ("one",), DT, sure)
+        return events("pose", residual, NOISE, EVERYWHERE, (("one", 0.0),), DT, sure)
 
     assert told(jumps, False) == [] and told(noise, True) == []
     (found,) = told(jumps, True)

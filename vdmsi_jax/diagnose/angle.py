@@ -6,8 +6,9 @@ import numpy as np
 from ..models.bicycle import Bicycle
 from .runs import Runs
 
-_SLOWEST_STEERED = 0.3  # m/s, below which a yaw rate tells no steering angle
+_SLOWEST_STEERED = 0.3  # m/s, below which a yaw rate tells no steering angle of what goes faster
 _SLOWER_STEERED = 0.5  # of the usual speed, likewise: a lag of either tells when a vehicle sets off
+_FASTEST = 0.95  # quantile of the speed, half of which is fast enough for what is slow
 _HEADED, _HEADINGS = 4.0, 6  # s, over which headings are compared, and how often at least
 _SURELY = 5.0  # standard errors, from which the yaw rate has a bias
 
@@ -26,8 +27,9 @@ def steering_angle(runs: Runs) -> tuple[np.ndarray, np.ndarray] | None:
     if logged:
         known = runs.seen("delta") & seen
     else:
-        usual = float(np.median(np.abs(v[seen]))) if seen.any() else 0.0
-        known = (np.abs(v) > max(_SLOWEST_STEERED, _SLOWER_STEERED * usual)) & seen
+        speeds = np.abs(v[seen]) if seen.any() else np.zeros(1)
+        usual, fast = _SLOWER_STEERED * np.quantile(speeds, [0.5, _FASTEST])
+        known = (np.abs(v) > max(min(_SLOWEST_STEERED, fast), usual)) & seen
     bicycle = Bicycle.at_reference(vehicle)
     curvature = np.where(known, r / np.where(known, v, 1.0), 0.0)
     limit = 0.99 / max(abs(vehicle.rear_to_reference), 1e-6)

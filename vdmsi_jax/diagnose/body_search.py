@@ -126,6 +126,8 @@ def _searched(body: Body) -> BodySearch:
         if other is None or score(other) < score(now) + SWAPPED:
             break
         now = polished(body, other)
+    else:
+        findings = _findings(body, now)[0]
     failed: list[BodyFailed] = []
     while True:
         more = _borne_out(body, now, passed)
@@ -261,7 +263,7 @@ def _extended(body: Body, now: BodyFit, timed: bool) -> tuple[BodyFit, Sequence[
         best = max(fits, key=score, default=now)
         if timed and (not now.active or score(best) <= score(now)):
             best = max([best, *refit_body(body, _timed(body, now))], key=score)
-        if score(best) <= score(now):
+        if not score(best) > score(now):
             break
         now = polished(body, best)
     return now, fits

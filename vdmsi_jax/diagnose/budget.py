@@ -85,12 +85,9 @@ def _at_least(total: float, error: float) -> float:
 
 
 def _scaled(parts: dict[str, float], whole: float) -> dict[str, float]:
-    """The same shares of what the baseline, which was refitted without the causes, loses."""
+    """The same shares of what the baseline, which was refitted without the causes, loses; where
+    that or what they take together is no loss, what they miss of it is split evenly."""
     total = sum(parts.values())
-    if abs(total) < 1e-300 or whole <= 0.0 or total < 0.0:
-        return (
-            parts
-            if abs(sum(parts.values()) - whole) < 1e-12
-            else dict.fromkeys(parts, whole / max(len(parts), 1))
-        )
-    return {name: value * whole / total for name, value in parts.items()}
+    if min(total, whole) > 0.0:
+        return {name: value * whole / total for name, value in parts.items()}
+    return {name: value + (whole - total) / len(parts) for name, value in parts.items()}

@@ -66,13 +66,15 @@ def _turned_round(records: Sequence[Record]) -> list[Contradiction]:
             continue
         pairs = [
             [
-                moving_mean(x[None], _OVER, record.dt)[0]
+                moving_mean(x[None], _OVER, record.dt)[0][record.measured(name)[s.samples]]
                 for x in (rate[s.samples], _turning(record[name][s.samples], name, record.dt))
             ]
             for rate, record in zip(made, records, strict=True)
             for s in record.segments
         ]
         one, other = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
+        if not one.size:
+            continue
         spread = max(float(np.std(one) * np.std(other)), 1e-300)
         alike[name] = float(np.mean((one - one.mean()) * (other - other.mean()))) / spread
     against = [name for name, value in alike.items() if value < _AGAINST]
@@ -120,19 +122,22 @@ def _scaled(records: Sequence[Record]) -> list[Contradiction]:
 
 def _turned(records: Sequence[Record]) -> list[np.ndarray]:
     """How far the yaw rate, the heading and, where they are there, speed and angle turn over each
-    second, rad, less the mean of each stretch without a gap: a rate may have a bias."""
+    second in which nothing was filled, rad, less the mean of each stretch without a gap: a rate may
+    have a bias."""
     turns: list[list[np.ndarray]] = [[], [], []]
     for record in records:
         every = slice(None, None, max(1, round(_TURN / record.dt)))
-        made = None
+        made, filled = None, ~(record.measured("r") & record.measured("psi"))
         if record.vehicle is not None and "v" in record and "delta" in record:
+            filled |= ~(record.measured("v") & record.measured("delta"))
             bicycle = Bicycle.at_reference(record.vehicle)
             made = np.asarray(bicycle.yaw_rate(record["v"], record["delta"]))
         for part in (s.samples for s in record.segments):
             angles = [np.cumsum(record["r"][part]) * record.dt, np.unwrap(record["psi"][part])]
             angles += [] if made is None else [np.cumsum(made[part]) * record.dt]
+            whole = np.diff(np.cumsum(filled[part])[every]) == 0
             for kept, angle in zip(turns, angles, strict=False):
-                turn = np.diff(angle[every])
+                turn = np.diff(angle[every])[whole]
                 kept.append(turn - turn.mean() if turn.size else turn)
     return [np.concatenate(own) if own else np.zeros(0) for own in turns]
 

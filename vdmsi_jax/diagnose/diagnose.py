@@ -22,7 +22,7 @@ from .contradictions import Contradiction, contradictions
 from .found import Search
 from .leftover import breaks_where_judged, is_another, only_where_judged
 from .noise import KnownNoise
-from .prepare import FEWEST, body_of, stage_of, stands
+from .prepare import body_of, stage_of, stands
 from .result import Diagnosis, Unexplained
 from .rounding import of_the_sensor
 from .runs import Runs, lay_out, slower
@@ -73,6 +73,9 @@ def _diagnose(
     several, alone = _among_their_like(several)
     several, slow = _at_their_rate(several)
     several, dead = _alive(several)
+    unshared = _unshared(several)
+    if plants_of(several):
+        several = _without(several, {c for own in _lacking(several).values() for c in own})
     against = contradictions(several, plants_of(several))
     several = _without(several, {c for one in against for c in one.leave})
     if not any(record.session for record in several):
@@ -83,7 +86,7 @@ def _diagnose(
     except ActsInSteps:
         say("a command acts in steps: looking at every row")
         found = _looked_into(several, noise, say)
-    unseen = (*copies, *alone, *slow, *dead, *_unshared(several), *found.unseen)
+    unseen = (*copies, *alone, *slow, *dead, *unshared, *found.unseen)
     return _contradicted(replace(found, unseen=unseen), against)
 
 
@@ -284,15 +287,20 @@ def _without(records: list[Record], gone: Set[str]) -> list[Record]:
     return [replace(r, channels=kept(r.channels), filled=kept(r.filled)) for r in records]
 
 
-def _unshared(records: Sequence[Record]) -> list[str]:
-    """Which records lack channels that others have, so that they were left aside in all."""
+def _lacking(records: Sequence[Record]) -> dict[str, list[str]]:
+    """The channels that others have, by record: they are left aside in all, since half of a speed
+    would tell that a vehicle stood."""
     plants = [c for r in records for p in r.plants for c in (p.input, p.output)]
     every = dict.fromkeys(c for c in (*_OF_A_VEHICLE, *plants) if any(c in r for r in records))
     lacking = {r.log: [c for c in every if c not in r] for r in records}
+    return {name: missing for name, missing in lacking.items() if missing}
+
+
+def _unshared(records: Sequence[Record]) -> list[str]:
+    """Which records lack channels that others have, in words."""
     return [
         f"{name} lacks {', '.join(missing)}: not looked at in any log."
-        for name, missing in lacking.items()
-        if missing
+        for name, missing in _lacking(records).items()
     ]
 
 
@@ -339,11 +347,7 @@ def _stage(
         problem = f"{spec.output} is {spec.input} in every sample, an echo and no measurement"
         mend = "name the column that was measured"
         raise InputError(records[0].source, spec.output, problem, mend)
-    stage = stage_of(runs, spec, noise)
-    if stage.mask.sum() < FEWEST:
-        problem = f"only {int(stage.mask.sum())} samples of {spec.output} to fit"
-        raise InputError(records[0].source, spec.output, problem, "give a longer log")
-    return stage
+    return stage_of(runs, spec, noise)
 
 
 def _why_no_body(records: Sequence[Record]) -> str:

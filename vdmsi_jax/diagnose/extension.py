@@ -48,7 +48,7 @@ def extended_model(
             continue
         theta = h.theta.copy()
         for slot in found.stage.slots:
-            if slot.cause == "transport_delay":
+            if slot.cause == "transport_delay" and late > 0.0:
                 theta[slot.index[0]] = max(theta[slot.index[0]] - late, 0.0)
         frequency, number = h.frequency(found.stage), swing.number_of(found.stage, h.active)
         if number is not None and frequency is not None and h.swing is not None:

@@ -60,7 +60,7 @@ def leftover(
     for spec, own in searches.items():
         found += _of_stage(runs, spec, own)
     if bodily is not None:
-        found += _of_body(runs, bodily) + jumps_of_pose(runs.names, bodily)
+        found += _of_body(runs, bodily) + jumps_of_pose(runs.begins, bodily)
         found += _of_compass(runs, bodily)
     return found
 
@@ -122,7 +122,7 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     logged = [r for r in runs.records if spec.output in r]
     steps = [step for r in logged if (step := r.step(spec.output)) is not None]
     found += _of_the_way(spec.output, final.y, e, white, stage, steps)
-    found += structure(spec.output, e * evenly, white, *masks, runs.names, stage.dt)
+    found += structure(spec.output, e * evenly, white, *masks, runs.begins, stage.dt)
     needs = demands(stage.u, final.y, stage.mask | stage.held_out, stage.dt)
     moves = moving(np.asarray(stage.signals.v), stage.mask | stage.held_out)
     known = stage.noise.slow
@@ -213,7 +213,7 @@ def _left(body: Body, final: BodyFit, channel: str) -> tuple[np.ndarray, np.ndar
     return e, whiten(e[None], final.colour[channel][None])[0]
 
 
-def jumps_of_pose(names: tuple[str, ...], found: BodySearch) -> list[Unexplained]:
+def jumps_of_pose(begins: tuple[tuple[str, float], ...], found: BodySearch) -> list[Unexplained]:
     """Jumps of the position: in the way over half a second, the larger of forward and aside. They
     are the sensor's, or a start's: told, they leave the verdict on causes that were found."""
     body, final, left = found.body, found.final, []
@@ -225,7 +225,7 @@ def jumps_of_pose(names: tuple[str, ...], found: BodySearch) -> list[Unexplained
             rare = scores(e, np.empty((0, *e.shape)), moves, body.dt)[1]
             peaked = np.mean(white[known] ** 4) > _PEAKED * np.mean(white[known] ** 2) ** 2
             sure = rare > (0.5 if peaked else 1.0) * _JUMPS
-            jumps = events("pose", e, white, known, names, body.dt, sure)
+            jumps = events("pose", e, white, known, begins, body.dt, sure)
             left += [replace(u, size=SMALL) for u in jumps]
     return sorted(left, key=lambda u: -u.fraction)[:1]
 
@@ -251,7 +251,7 @@ def _of_body(runs: Runs, found: BodySearch) -> list[Unexplained]:
     causes = [CAUSES[finding.number].cause for finding in found.findings]
     kind = explained(weighed(*asked_of_body(runs, body, final)), causes)
     left = _of_a_kind("r", kind, causes, e, body.measured["r"], masks[0])
-    left += structure("r", e, white, *masks, runs.names, body.dt)
+    left += structure("r", e, white, *masks, runs.begins, body.dt)
     response = body.measured["r"]
     nothing, moves = np.empty((0, *e.shape)), moving(body.v, masks[0] | masks[1])
     noise = slow_noise(body.repeats, e, masks[0] | masks[1], body.dt)

@@ -10,6 +10,7 @@ from ..config import PlantSpec
 from ..data.noise import white_noise_std
 from ..data.record import Record
 from ..effects import ACTUATOR, AbstractEffect, Scales, Signals
+from ..errors import InputError
 from ..models.bicycle import Bicycle
 from .angle import derived, steering_angle, yaw_rate_bias
 from .body import CHANNELS, WINDOW, Body, increments
@@ -47,7 +48,11 @@ def kind(effect: AbstractEffect) -> str:
 
 def stage_of(runs: Runs, spec: PlantSpec, reference: KnownNoise | None = None) -> Stage:
     """The stage of one plant; the noise of its response by a reference, else by runs with the same
-    commands where there are any."""
+    commands where there are any.
+
+    Raises:
+        InputError: too few samples to fit.
+    """
     u = runs.channel(spec.input)
     y, seen = runs.channel(spec.output), runs.seen(spec.output)
     if spec.output == "delta":
@@ -76,6 +81,9 @@ def stage_of(runs: Runs, spec: PlantSpec, reference: KnownNoise | None = None) -
     allowed = tuple(i for i, e in enumerate(ACTUATOR) if not {e.cause, kind(e)} & foreign)
     shared = (runs.time(), v, other, runs.travelled())
     masks = seen & ~held, seen & held
+    if masks[0].sum() < FEWEST:
+        problem = f"only {int(masks[0].sum())} samples of {spec.output} to fit"
+        raise InputError(runs.records[0].source, spec.output, problem, "give a longer log")
     stage = make_stage(spec.name, u, y, *masks, shared, allowed, wheres, runs.dt, begun)
     stage = replace(stage, within=runs.within(spec.input))
     if reference is not None:
@@ -125,7 +133,8 @@ def make_stage(name, u, y, mask, held_out, shared, allowed, wheres, dt, begun=No
     scales = replace(scales, rate=_typical(rates), time_constant=slow)
     substeps = int(np.clip(2 ** np.ceil(np.log2(max(15.0 * dt / slow, 1.0))), 1, 4))
     signals = replace(signals, h=jnp.asarray(dt / substeps), substeps=substeps)
-    return replace(stage, scales=scales, pace=1.0 / slow, signals=signals)
+    effects = tuple(e.scaled(scales) for e in ACTUATOR)
+    return replace(stage, effects=effects, scales=scales, pace=1.0 / slow, signals=signals)
 
 
 def _typical(rates: np.ndarray) -> float:
@@ -195,7 +204,9 @@ def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
             measured[c] = values
             mask[c] = whole & ~held & ~np.roll(held, -window, axis=1)
             held_out[c] = whole & held
-    if max(int(own.sum()) for own in mask.values()) < FEWEST:
+    measured = {c: y for c, y in measured.items() if int(mask[c].sum()) >= FEWEST}
+    mask, held_out = ({c: own[c] for c in measured} for own in (mask, held_out))
+    if not measured:
         return None
     v, delta = runs.channel("v"), angle[0]
     smooth = {}

@@ -80,6 +80,11 @@ class Runs:
         """Whether whole records are held out."""
         return any(not spans for spans in self.judged) and any(self.judged)
 
+    @property
+    def begins(self) -> tuple[tuple[str, float], ...]:
+        """Of each, the run that it belongs to, and how far into that it begins, s."""
+        return tuple(zip(self.names, self.since, strict=True))
+
     def judging(self) -> list[str]:
         """Names of the runs of which some is held out."""
         names = [r for r, spans in zip(self.names, self.judged, strict=True) if spans]
@@ -106,10 +111,17 @@ class Runs:
 def slower(record: Record) -> Record:
     """A vehicle's record at about 50 Hz, where it was sampled faster: commands are averaged over
     the longer rows, measurements are those at their beginning. A plant that is no vehicle's is left
-    as it is, since its time scale is unknown."""
+    as it is, since its time scale is unknown.
+
+    Raises:
+        InputError: no stretch is as long as one of the longer rows.
+    """
     every = round(_ROW / record.dt)
     if record.vehicle is None or every < 2:
         return record
+    if all(len(own) < every for own in record.segments):
+        problem = f"no stretch without a gap has {every} samples"
+        raise InputError(record.source, "length", problem, "leave it out, or mend its gaps")
     parts, index, start = [], [], 0
     for own in record.segments:
         rows = len(own) // every
@@ -122,7 +134,8 @@ def slower(record: Record) -> Record:
     def inside(values: np.ndarray) -> np.ndarray:
         return values[at[:, None] + np.arange(every)]
 
-    commands = {name for name in record.channels if name.endswith("_cmd")}
+    commands = {plant.input for plant in record.plants} & set(record.channels)
+    commands |= {name for name in record.channels if name.endswith("_cmd")}
     return replace(
         record,
         dt=record.dt * every,
@@ -146,18 +159,15 @@ def lay_out(records: Sequence[Record], whole: bool = True, others: bool = False)
         InputError: every stretch is too short.
     """
     pieces = []
-    judging = judges(records) if whole else None
     many = sum(len(s) for r in records for s in r.segments) > _MOST
     at_once = _STRETCH if many else _LONGEST
-    for k, record in enumerate(records):
+    for record in records:
         for segment in record.segments:
             count = -(-len(segment) // at_once)
             edges = np.linspace(segment.start, segment.stop, count + 1).astype(int)
             first = next(s.start for s in record.segments if s.run == segment.run)
             for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
-                since = float(record.t[a] - record.t[first])
-                spans = ((0, b - a),) if judging and k in judging else ()
-                pieces.append((segment.run, record, a, b, since, spans))
+                pieces.append((segment.run, record, a, b, float(record.t[a] - record.t[first])))
     longest = max(p[3] - p[2] for p in pieces)
     long = [p for p in pieces if p[3] - p[2] >= max(_SHORTEST, longest // 20)]
     if not long:
@@ -168,8 +178,13 @@ def lay_out(records: Sequence[Record], whole: bool = True, others: bool = False)
     if len(long) > most:
         picked = np.unique(np.linspace(0, len(long) - 1, most).astype(int))
         long = [long[i] for i in picked]
+    kept = [record for record in records if any(p[1] is record for p in long)]
+    judging = judges(kept) if whole else None
     if judging is None:
-        spans = parts([(r, a, b) for _, r, a, b, _, _ in long], others)
-        long = [(*piece[:-1], own) for piece, own in zip(long, spans, strict=True)]
+        spans = parts([(r, a, b) for _, r, a, b, _ in long], others)
+    else:
+        judge = [any(p[1] is kept[k] for k in judging) for p in long]
+        spans = [((0, p[3] - p[2]),) if own else () for p, own in zip(long, judge, strict=True)]
+    long = [(*piece, own) for piece, own in zip(long, spans, strict=True)]
     columns = zip(*long, strict=True)
     return Runs(*map(tuple, columns), dt=records[0].dt)

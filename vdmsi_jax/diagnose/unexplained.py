@@ -59,7 +59,7 @@ def events(
     residual: Float[np.ndarray, "R N"],
     innovations: Float[np.ndarray, "R N"],
     known: Bool[np.ndarray, "R N"],
-    runs: tuple[str, ...],
+    runs: tuple[tuple[str, float], ...],
     dt: float,
     sure: bool = False,
 ) -> list[Unexplained]:
@@ -77,7 +77,7 @@ def structure(
     innovations: Float[np.ndarray, "R N"],
     mask: Bool[np.ndarray, "R N"],
     held_out: Bool[np.ndarray, "R N"],
-    runs: tuple[str, ...],
+    runs: tuple[tuple[str, float], ...],
     dt: float,
 ) -> list[Unexplained]:
     """What is left in a channel, by the two tests that ask for no kind; empty if nothing is.
@@ -87,7 +87,7 @@ def structure(
         residual: what the model leaves; slow structure shows in it.
         innovations: the same whitened; fast structure shows in it.
         mask: samples that were fitted; `held_out`: those that were not.
-        runs: names of the runs.
+        runs: of each row the name of its run, and how far into that it begins, s.
         dt: sample period, s.
     """
     found = events(channel, residual, innovations, mask | held_out, runs, dt)
@@ -226,10 +226,11 @@ def _bursts(e, residual, known, runs, dt, spreads: float, least: float):
         return None
     excess = float(np.sum(values[wild] - np.median(values)) / np.sum(values))
     order = wild[np.argsort(-values[wild])][:5]
-    when = tuple(
-        (runs[places[k][0]], places[k][1] * dt, (places[k][1] + length) * dt) for k in order
-    )
-    return (excess, when) if excess > 2 * _WORTH else None
+    when = []
+    for row, start in (places[k] for k in order):
+        name, since = runs[row]
+        when.append((name, since + start * dt, since + (start + length) * dt))
+    return (excess, tuple(when)) if excess > 2 * _WORTH else None
 
 
 def _usual(e: np.ndarray) -> float:

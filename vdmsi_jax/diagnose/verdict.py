@@ -342,7 +342,8 @@ def _doubt(shares: Mapping[str, float], cause: Named, trial: Trial) -> float:
 
 def _in_place(found: Search, less: Refit, number: int) -> Refit:
     """The model with another cause in the place of one."""
-    candidate = next(c for c in screen(found.stage, less) if c.number == number)
+    alone = found.stage.but(set(found.stage.allowed) - {number})
+    (candidate,) = (c for c in screen(alone, less) if c.number == number)
     return refit(found.stage, [joined(less.hypothesis, candidate)])[0]
 
 

@@ -45,7 +45,7 @@ from vdmsi_jax.effects.yaw_offset import YawOffset
 ACTUATOR: tuple[AbstractEffect, ...] = (
     GainNonlinearity(by="sign"),
     GainNonlinearity(by="skew"),
-    SpeedDependentGain(of="command"),
+    SpeedDependentGain(at="command"),
     CrossCoupling(by="signed"),
     CrossCoupling(by="size"),
     CrossCoupling(by="square"),
@@ -88,7 +88,7 @@ ACTUATOR: tuple[AbstractEffect, ...] = (
     PeriodicDisturbance(),
     Offset(by="itself"),
     Offset(by="travel"),
-    SpeedDependentGain(of="response"),
+    SpeedDependentGain(at="response"),
 )
 """Every cause and form that an actuator may have, off, in the order in which they act."""
 

@@ -13,20 +13,20 @@ class SpeedDependentGain(AbstractEffect):
     """Gain `1 + slope v`.
 
     Attributes:
-        of: what it multiplies: the command, or the response with its offset, where the command was
+        at: what it multiplies: the command, or the response with its offset, where the command was
             shifted before.
     """
 
     cause: ClassVar[str] = "speed_dependent_gain"
 
     slope: Float[Array, ""] = parameter("1/(m/s)", "relative change of the gain per m/s")
-    of: Literal["command", "response"] = eqx.field(static=True, default="command")
+    at: Literal["command", "response"] = eqx.field(static=True, default="command")
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
         return [(k / max(scales.speed, 0.1),) for k in (-0.3, -0.05, 0.05, 0.3)]
 
     def command(self, u: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
-        return u + self.slope * signals.v * u if self.of == "command" else u
+        return u + self.slope * signals.v * u if self.at == "command" else u
 
     def measured(self, y: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
-        return y + self.slope * signals.v * y if self.of == "response" else y
+        return y + self.slope * signals.v * y if self.at == "response" else y
