@@ -12,6 +12,7 @@ from vdmsi_jax.diagnose.chain import bands, regress
 from vdmsi_jax.diagnose.disturbance import apart, demands, moving, scores
 from vdmsi_jax.diagnose.families import OF_STATES
 from vdmsi_jax.diagnose.judge import Scored, Trial, confirmed, gain_of
+from vdmsi_jax.diagnose.leftover import _of_the_most
 from vdmsi_jax.diagnose.prepare import stage_of
 from vdmsi_jax.diagnose.remains import Remains, unexplained
 from vdmsi_jax.diagnose.result import Gain, Unexplained
@@ -390,3 +391,17 @@ def test_a_small_error_of_the_first_moments_of_a_run_is_what_went_on_before():
     assert later is not None and not later.steady
     assert SMALL < later.size < 0.05
     assert slow_error("v", NOISE + knock, NOISE, RESPONSE, ASKED, masks, DT) is None
+
+
+@pytest.mark.parametrize(
+    ("share", "lasts", "told"), [(0.7, True, True), (0.7, False, False), (0.3, True, False)]
+)
+def test_an_error_that_is_most_of_a_response_and_lasts_is_told(share, lasts, told):
+    rng, t = np.random.default_rng(9), 0.02 * np.arange(3000)
+    innovations = rng.standard_normal((1, 3000))
+    rings = np.convolve(innovations[0], np.exp(-0.5 * t) * np.sin(6.0 * t))[:3000]
+    e = rings[None] if lasts else innovations
+    y = np.sin(t)[None] * np.sqrt(2.0 * (1.0 - share**2)) + share * e / e.std()
+    e, white = share * e / e.std(), share * innovations / e.std()
+    found = _of_the_most("y", e, white, y, np.ones(y.shape, bool))
+    assert [u.puzzling for u in found] == [True] * told

@@ -20,7 +20,7 @@ from .noise import slow_noise
 from .questions import asked, asked_of_body, evenly_of
 from .result import Diagnosis, Unexplained
 from .runs import Runs
-from .search import FREE
+from .search import FREE, lasts
 from .stage import Stage
 from .stand_ins import took
 from .travelled import line_over
@@ -49,6 +49,8 @@ _PEAKED = (
     10.0  # kurtosis of its innovations, from which half of it tells: clean drives had up to 5.8
 )
 _OF_A_KIND = 0.5  # of a slow error of the yaw rate, that a kind explains which is no wind then
+_MOST = 0.5  # of the response's spread, an error from which on a model says little of it: of seven
+# exams no clean log, and none of a cause that the library has, was left with more than 0.4
 _NEXT_TO = 0.02  # of the time, that a change may lie before or behind a part
 
 
@@ -133,6 +135,8 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     slow = slow_error(*about, known, moves, stage.scales.time_constant)
     if slow is not None:
         found.append(replace(slow, answered=loaded))
+    if not loaded and not any(u.puzzling and u.fraction > PUZZLING for u in found):
+        found += _of_the_most(spec.output, e, white, stage.y, stage.mask | stage.held_out)
     # what may have drawn the noise, or the disturbance, of the data fitted; a mean that is another
     # in each run is slow, and told by that if it is large
     drawn = IMITATORS if slow is not None and slow.steady else {"resonance", "offset"}
@@ -149,6 +153,19 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
             broken[label] = max(broken.get(label, (0.0, 0.0)), told)
     found += [_broken(label, spec.output, *shares) for label, shares in broken.items()]
     return beside_response(found, e, stage.y, stage.mask | stage.held_out)
+
+
+def _of_the_most(
+    channel: str, e: np.ndarray, white: np.ndarray, y: np.ndarray, use: np.ndarray
+) -> list[Unexplained]:
+    """An error that is most of a response and lasts: an estimated colour takes it for noise, and a
+    model that tells so little of a response has not told why."""
+    error, variance = float(np.mean(e[use] ** 2)), float(np.mean(white[use] ** 2))
+    size = math.sqrt(error) / extent(y[use])
+    if size < _MOST or not lasts(error, variance, y[use]):
+        return []
+    words = f"an error of {100.0 * size:.0f} % of the response's spread, which lasts"
+    return [Unexplained(channel, 1.0 - variance / error, ("t",), (), words, puzzling=True)]
 
 
 def _of_a_kind(
