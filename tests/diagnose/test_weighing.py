@@ -227,8 +227,9 @@ def test_two_weak_bends_of_one_characteristic_are_one_without_a_name(other):
     assert crowd(strong)[0] == crowd([bends[1], friction])[0] == []
 
 
-def left(*where: str, test: str = BURSTS, size: float = 1.0) -> Unexplained:
-    return Unexplained("y", 0.2, ("t",), tuple((run, 1.0, 1.5) for run in where), test, size=size)
+def left(*where: str, kind: str = BURSTS, size: float = 1.0) -> Unexplained:
+    when = tuple((run, 1.0, 1.5) for run in where)
+    return Unexplained("y", 0.2, ("t",), when, size=size, kind=kind)
 
 
 def said(*unexplained: Unexplained, verdict="unexplained_structure", findings=()) -> Diagnosis:
@@ -241,7 +242,7 @@ def said(*unexplained: Unexplained, verdict="unexplained_structure", findings=()
 
 
 def test_structure_that_only_unseen_runs_show_is_asked_again():
-    assert only_where_judged(said(left("run_3"), left(test=WORSE)), ["run_3"])
+    assert only_where_judged(said(left("run_3"), left(kind=WORSE)), ["run_3"])
     assert only_where_judged(said(left("run_3"), left("run_1", size=0.001)), ["run_3"])
 
 
@@ -249,7 +250,7 @@ def test_structure_that_only_unseen_runs_show_is_asked_again():
     "found",
     [
         said(left("run_3", "run_1")),
-        said(left(test="a slow error")),
+        said(left(kind="")),
         said(left("run_3"), findings=made_up_diagnosis.siso().findings),
         said(left("run_3"), verdict="explained"),
     ],

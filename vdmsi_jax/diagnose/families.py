@@ -37,6 +37,9 @@ BY_DIRECTION = "a time constant that differs up and down"
 OF_STATES = "a function of inputs and states"
 """The kind of what depends on these by no rule that has a name."""
 
+HYSTERESIS = "a hysteresis"
+"""The kind of what depends on where a signal turned."""
+
 _WORTH = 0.05  # share of the squared error, fitted and held out, below which it is not told
 _START = 2.0  # s at the start of what is held out, where the states at the start are guessed
 _WIDTHS = (0.02, 0.05, 0.1, 0.2, 0.35)  # of plays, of the range
@@ -51,7 +54,7 @@ _EACH = 15  # samples, at the least, for each weight
 _BETTER = (1.2, 20.0)  # times a cause's gain, and beyond, from which a kind tells it better
 _OF_FORM = (0.5, 0.7)  # of the best statistic and its share, from which on a known kind is told
 
-_STICKING = ("backlash", "coulomb_friction", "dead_zone")
+STICKING = ("backlash", "coulomb_friction", "dead_zone")
 _CURVED = (
     *("gain_nonlinearity", "saturation", "dead_zone", "gain_asymmetry"),
     *("offset", "quantization", "drag", "coulomb_friction"),
@@ -140,7 +143,7 @@ def of_plant(
     now = t / max(float(t.max()), dt)
     aging = [now, now**2, now * y, now**2 * y, now * rate]
     found = [
-        _hysteresis(y, response, mask, _STICKING),
+        _hysteresis(y, response, mask, STICKING),
         _family("a gain that remembers past effort", [command], [y * x for x in effort]),
         _family(PACE, [response], paced, _PACED),
         _family("a gain that changes with the state", [response], _curves(y, mask), _CURVED),
@@ -354,7 +357,7 @@ def _family(
 def _hysteresis(x: np.ndarray, name: str, mask: np.ndarray, causes: tuple = ()) -> Family:
     width = float(np.ptp(x[mask]))
     features = x - plays(x, [w * width for w in _WIDTHS])
-    return Family("a hysteresis", (f"where {name} turned",), features, causes)
+    return Family(HYSTERESIS, (f"where {name} turned",), features, causes)
 
 
 def _curves(y: np.ndarray, mask: np.ndarray) -> list[np.ndarray]:

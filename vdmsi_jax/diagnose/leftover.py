@@ -12,7 +12,7 @@ from .body_fit import BodyFit, residual
 from .body_search import BodySearch
 from .colour import whiten
 from .disturbance import IMITATORS, demands, moving, scores
-from .families import Explained, explained, weighed
+from .families import HYSTERESIS, Explained, explained, weighed
 from .feedback import is_answered
 from .found import Search
 from .heading import by_heading
@@ -98,7 +98,7 @@ def only_where_judged(found: Diagnosis, judging: Collection[str]) -> bool:
     speed."""
     left = [u for u in found.unexplained if u.size >= SMALL]
     alone = (
-        u.test == WORSE or (u.when and all(run in judging for run, *_ in u.when)) for u in left
+        u.kind == WORSE or (u.when and all(run in judging for run, *_ in u.when)) for u in left
     )
     nothing_else = found.verdict == "unexplained_structure" and not found.findings
     return nothing_else and all(alone)
@@ -183,6 +183,8 @@ def _of_a_kind(
     words, on = f"{kind.family.words} would explain it", kind.family.depends_on
     size = float(np.sqrt(kind.share * np.mean(e[use] ** 2))) / extent(y[use])
     known = [c for c in causes if c in (kind.family.causes or ())]
+    if kind.family.words == HYSTERESIS and kind.share > PUZZLING:
+        known = []  # no play, and no friction: in 900 hunted drives and ten exams none was right
     if known:
         words = f"{known[0]} has another form; {words}"
     if size < SMALL:
@@ -190,7 +192,8 @@ def _of_a_kind(
     if known or size < SMALL:
         return [Unexplained(channel, kind.share, on, (), words, size=size, of_form=bool(known))]
     puzzling = kind.share > PUZZLING and not (causes and kind.by_fit_alone)
-    return [Unexplained(channel, kind.share, on, (), words, puzzling=puzzling)]
+    family = kind.family.words
+    return [Unexplained(channel, kind.share, on, (), words, puzzling=puzzling, kind=family)]
 
 
 def _of_the_way(

@@ -7,7 +7,7 @@ from functools import cached_property
 
 from ..config import PlantSpec
 from .body_search import BodySearch
-from .families import OF_STATES
+from .families import HYSTERESIS, OF_STATES, STICKING
 from .found import Search
 from .leftover import leftover
 from .result import Unexplained
@@ -34,10 +34,12 @@ _PLAYED = (
 )
 _BY_STATES = 0.15  # share of a channel's error, that some function of states takes beside a cause
 # that stands in for it: beside right names up to 0.12, beside wrong ones 0.06 to 0.27
+_BY_TURNS = 0.1  # likewise a hysteresis: beside wrong names 0.14 and 0.19, beside no right one
 _OF_STATES = (
     *("gain_nonlinearity", "saturation", "dead_zone", "gain_asymmetry"),
     *("drag", "coulomb_friction", "backlash"),
 )  # causes that are functions of these themselves
+_FREER = ((OF_STATES, _OF_STATES, _BY_STATES), (HYSTERESIS, STICKING, _BY_TURNS))
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,13 +87,14 @@ class Remains:
         return _largest([*puzzling, *self._beyond])
 
     def outdoes(self, cause: str, channel: str, share: float) -> bool:
-        """Whether some function of inputs and states takes so much more of a channel's error beside
-        a cause that is one, too, that this, which takes a `share`, is but a part of what the
-        library lacks."""
-        if cause not in _OF_STATES:
-            return False
-        by_states = _largest(u for u in self.found if u.test == f"{OF_STATES} would explain it")
-        return by_states.get(channel, 0.0) * (1.0 - share) > _BY_STATES
+        """Whether some function of inputs and states, or a hysteresis, takes so much more of a
+        channel's error beside a cause that is one, too, that this, which takes a `share`, is but a
+        part of what the library lacks."""
+        for kind, causes, least in _FREER:
+            by_kind = _largest(u for u in self.found if u.kind == kind)
+            if cause in causes and by_kind.get(channel, 0.0) * (1.0 - share) > least:
+                return True
+        return False
 
     def drowns(self, channel: str, share: float, hides_small: bool = False) -> bool:
         """Whether most of what is left of a channel is a load that a controller answers, beside
@@ -108,7 +111,7 @@ class Remains:
     @cached_property
     def dropping(self) -> set[str]:
         """Channels whose measurement drops out."""
-        return {u.channel for u in self.structure if u.test == BURSTS and u.fraction > _MOSTLY}
+        return {u.channel for u in self.structure if u.kind == BURSTS and u.fraction > _MOSTLY}
 
     @cached_property
     def _beyond(self) -> list[Unexplained]:

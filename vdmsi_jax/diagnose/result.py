@@ -150,6 +150,7 @@ class Unexplained:
         steady: whether it is a disturbance, such as wind: it does not go with what is asked.
         even: whether nothing so much as hints that a steady one is anything else.
         answered: whether a controller answers a steady one, so that it may be a load of any size.
+        kind: of error, by the word of the test that found it; empty for most.
     """
 
     channel: str
@@ -163,6 +164,7 @@ class Unexplained:
     steady: bool = False
     even: bool = False
     answered: bool = False
+    kind: str = ""
 
 
 @dataclass(frozen=True)

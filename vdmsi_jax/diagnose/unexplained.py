@@ -68,7 +68,10 @@ def events(
     bursts = _bursts(innovations, residual, known, runs, dt, *_SHARP)
     bursts = bursts or _bursts(residual, residual, known, runs, dt, *_BROAD)
     bursts = (sure and _bursts(residual, residual, known, runs, dt, *_KNOWN)) or bursts
-    return [] if bursts is None else [Unexplained(channel, bursts[0], ("t",), bursts[1], BURSTS)]
+    if bursts is None:
+        return []
+    share, when = bursts
+    return [Unexplained(channel, share, ("t",), when, BURSTS, kind=BURSTS)]
 
 
 def structure(
@@ -93,7 +96,7 @@ def structure(
     found = events(channel, residual, innovations, mask | held_out, runs, dt)
     worse = _worse(innovations, residual, mask, held_out, dt)
     if worse is not None:
-        found.append(Unexplained(channel, worse, ("run",), (), WORSE))
+        found.append(Unexplained(channel, worse, ("run",), (), WORSE, kind=WORSE))
     return found
 
 
