@@ -1,16 +1,19 @@
 """What could stand in the place of a cause."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 import vdmsi_jax as vj
 from vdmsi_jax.diagnose import swing
 from vdmsi_jax.diagnose.baseline import baselines
-from vdmsi_jax.diagnose.found import MARGIN
+from vdmsi_jax.diagnose.found import MARGIN, Finding
 from vdmsi_jax.diagnose.hypothesis import Hypothesis
 from vdmsi_jax.diagnose.prepare import stage_of
 from vdmsi_jax.diagnose.price import lack
 from vdmsi_jax.diagnose.refit import refit
-from vdmsi_jax.diagnose.rivals import findings_of, worths
+from vdmsi_jax.diagnose.rivals import _twin, findings_of, worths
 from vdmsi_jax.diagnose.runs import lay_out
 from vdmsi_jax.diagnose.starts import added, number_of
 
@@ -44,3 +47,28 @@ def test_what_hardly_swings_does_not_stand_in_for_an_offset():
     (found,), other = findings_of(stage, worths(stage, now), now, seen)
     assert swings not in dict(found.others)
     assert other is None or swings not in other.hypothesis.active
+
+
+@pytest.mark.parametrize(
+    ("lacks", "beside", "told"), [(10.0, 5.0, True), (260.0, 5.0, False), (10.0, 90.0, False)]
+)
+def test_a_play_that_mends_a_friction_says_that_it_may_be_one(lacks, beside, told):
+    stage = stage_of(lay_out([made(run) for run in range(2)]), PLANT)
+    (plain,) = refit(stage, [baselines(stage)[1, 0].hypothesis])
+    friction, play = (number_of(stage, c) for c in ("coulomb_friction", "backlash"))
+    other = next(k for k in stage.allowed if stage.slots[k].cause == "backlash" and k != play)
+
+    def alike(gain: float, *active: int):
+        h = replace(plain.hypothesis, active=tuple(sorted(active)))
+        return replace(plain, hypothesis=h, loglik=plain.loglik + 0.5 * gain)
+
+    rubs, plays = alike(500.0, friction), alike(500.0 - lacks, play)
+    final = alike(500.0 + beside, friction, other)
+    seen = {f.hypothesis.kind: f for f in (plain, rubs, plays, final)}
+    both = [Finding(friction, 500.0, alike(0.0, other)), Finding(other, beside, rubs)]
+
+    twin = _twin(stage, both[0], both, final, seen)
+
+    assert (twin is not None) is told
+    if twin is not None:
+        assert twin == (play, pytest.approx(lack(stage, rubs, plays)))

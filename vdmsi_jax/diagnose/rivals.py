@@ -21,6 +21,7 @@ _CLOSE, _FORM, _FAR = 15.0, 0.1, 50.0  # lack, the same as a share of the gain, 
 # to which blocks are asked; beyond, it is no matter of form: 61 answers of four exams
 _LOOPS = {"backlash", "coulomb_friction"}
 _LOOP = 0.5  # share of the gain, up to which blocks are asked which of them it is
+_LITTLE = 0.1  # share of the gain of one of them, up to which the other beside it mends its form
 _LOOP_APART = 1.35  # standard errors that do: wrong ones had up to 1.2, right ones from 1.49 on
 _OF_COMMAND = 0.2  # share of the gain of a play of the command, up to which friction is not told
 # from it by blocks either: both hold what answers, and part in how it breaks away. Friction told as
@@ -113,10 +114,47 @@ def findings_of(
         ]
         if own.cause == "saturation" and not _reaches(stage, final, number):
             alike += [k for k, _ in rivals if stage.slots[k].cause == "gain_nonlinearity"][:1]
+        twin = _twin(stage, finding, findings, final, seen)
+        if twin is not None:
+            rivals = [twin, *(r for r in rivals if r[0] != twin[0])]
+            alike.append(twin[0])
         others = tuple(rivals)
         found.append(replace(finding, others=others, promised=promised, alike=tuple(alike)))
     best_other = max(tried, key=lambda f: score(stage, f), default=None)
     return tuple(found), best_other
+
+
+def _twin(
+    stage: Stage,
+    finding: Finding,
+    findings: Sequence[Finding],
+    final: Refit,
+    seen: Mapping[tuple, Refit],
+) -> tuple[int, float] | None:
+    """Where friction has a play of little worth beside it, or the other way round, which mends what
+    its form misses: the best form of that one by itself, and what it lacks against the cause by
+    itself, if nothing tells them apart."""
+    own, gain = stage.slots[finding.number].cause, finding.gain
+    little = {
+        f.number
+        for f in findings
+        if {own, stage.slots[f.number].cause} == _LOOPS and f.gain < _LITTLE * gain
+    }
+    if not little:
+        return None
+    kept = set(final.hypothesis.active) - little - {finding.number}
+    fits = [f for f in seen.values() if len(f.hypothesis.active) == len(kept) + 1]
+    alone = _by_cause(stage, [f for f in fits if kept < set(f.hypothesis.active)], kept)
+    loops: dict[str, list[int]] = {cause: [] for cause in _LOOPS}
+    for number in alone:
+        loops.get(stage.slots[number].cause, []).append(number)
+    (other,) = _LOOPS - {own}
+    if not loops[own] or not loops[other]:
+        return None
+    one, twin = (max(loops[c], key=lambda k: score(stage, alone[k])) for c in (own, other))
+    lacks = lack(stage, alone[one], alone[twin])
+    apart = steadiness(stage, alone[twin], alone[one]) > _LOOP_APART
+    return (twin, lacks) if _near(own, other, lacks, gain) and not apart else None
 
 
 def _drifts(stage: Stage, fit: Refit, kept: set[int]) -> bool:
