@@ -24,8 +24,8 @@ _EVIDENT, _MOST = 0.05, 0.6  # the same where it is most of what is left: of 150
 # right name (0.07 and 0.87, a limit of its own form), and beside wrong ones from 0.06 and 0.64
 _ELSEWHERE = 0.08  # slow error, of a response's spread, that weighs beside findings elsewhere,
 _WIND_ELSEWHERE = 0.12  # and one that goes with nothing commanded
-_NO_WIND, _NO_EVEN_WIND = 0.08, 0.16  # the same, beyond which an error is no disturbance, and one
-# that nothing hints at being another thing: of clean exams up to 0.06 and, even ones, 0.14; of what
+_NO_WIND, _NO_EVEN_WIND = 0.085, 0.16  # the same, beyond which an error is no disturbance, and one
+# that nothing hints at being another thing: of clean exams up to 0.084, even ones 0.14; of what
 # the library lacks 0.09 to 0.33
 _NO_LOAD = 1.0  # the same of one that a controller answers: a load may be all that moves a loop
 _DROWNED = 0.33  # share of a channel's error, below which a cause beside such a load is minor

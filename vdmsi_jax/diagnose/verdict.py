@@ -341,7 +341,7 @@ def _doubt(shares: Mapping[str, float], cause: Named, trial: Trial) -> float:
 
 
 def _in_place(found: Search, less: Refit, number: int) -> Refit:
-    """The model with another cause in the place of one, unless it has that already, in some form."""
+    """The model with another cause in the place of one; itself where it has that, in some form."""
     slots = found.stage.slots
     if slots[number].cause in {slots[k].cause for k in less.hypothesis.active}:
         return less

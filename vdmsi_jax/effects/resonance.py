@@ -11,7 +11,7 @@ from vdmsi_jax.parameters import parameter
 
 
 class Resonance(AbstractEffect):
-    """A share `weight` of the command goes through `w² / (s² + 2 d w s + w²)`, exactly for held
+    """A `share` of the command goes through `w² / (s² + 2 d w s + w²)`, exactly for held
     commands, and a part `lead` of that one's rate by `w` is added: with it the mode has any two
     zeros, as that of a motor that swings against its load."""
 
