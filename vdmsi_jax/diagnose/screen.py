@@ -79,6 +79,8 @@ def screen(stage: Stage, at: Refit, fine: bool = True) -> list[Candidate]:
             active = (*at.hypothesis.active, number)
             numbers.append(number)
             tried.append(replace(at.hypothesis, active=active, theta=theta, swing=own))
+    if not tried:
+        return []
     y = responses(stage, tried)
     gains = ground.explained(y - at.simulated)
     best: dict[int, Candidate] = {}

@@ -342,12 +342,9 @@ def _doubt(shares: Mapping[str, float], cause: Named, trial: Trial) -> float:
 
 def _in_place(found: Search, less: Refit, number: int) -> Refit:
     """The model with another cause in the place of one; itself where it has that, in some form."""
-    slots = found.stage.slots
-    if slots[number].cause in {slots[k].cause for k in less.hypothesis.active}:
-        return less
     alone = found.stage.but(set(found.stage.allowed) - {number})
-    (candidate,) = (c for c in screen(alone, less) if c.number == number)
-    return refit(found.stage, [joined(less.hypothesis, candidate)])[0]
+    starts = [joined(less.hypothesis, c) for c in screen(alone, less)[:1]]
+    return next(iter(refit(found.stage, starts)), less)
 
 
 def _chi_squared(statistic: float, freedom: int) -> float:
