@@ -13,7 +13,7 @@ from vdmsi_jax.diagnose.hypothesis import Hypothesis
 from vdmsi_jax.diagnose.prepare import stage_of
 from vdmsi_jax.diagnose.price import lack
 from vdmsi_jax.diagnose.refit import refit
-from vdmsi_jax.diagnose.rivals import _twin, findings_of, worths
+from vdmsi_jax.diagnose.rivals import _may_bend, _twin, findings_of, worths
 from vdmsi_jax.diagnose.runs import lay_out
 from vdmsi_jax.diagnose.starts import added, number_of
 
@@ -72,3 +72,31 @@ def test_a_play_that_mends_a_friction_says_that_it_may_be_one(lacks, beside, tol
     assert (twin is not None) is told
     if twin is not None:
         assert twin == (play, pytest.approx(lack(stage, rubs, plays)))
+
+
+@pytest.mark.parametrize(
+    ("limit", "corner", "lacks", "told"),
+    [
+        (2.0, 0.02, 300.0, True),  # which no command reaches
+        (0.5, 0.02, 10.0, False),
+        (0.5, 0.45, 10.0, True),
+        (0.5, 0.45, 300.0, False),
+    ],
+)
+def test_a_limit_with_a_wide_corner_may_be_a_bend(limit, corner, lacks, told):
+    stage = stage_of(lay_out([made(run) for run in range(2)]), PLANT)
+    (plain,) = refit(stage, [baselines(stage)[1, 0].hypothesis])
+    number, sharp = (
+        next(
+            k
+            for k in stage.allowed
+            if stage.slots[k].cause == "saturation"
+            if getattr(stage.slots[k].effect, "at", "") == at
+        )
+        for at in ("corner", "command")
+    )
+    theta = plain.hypothesis.theta.copy()
+    theta[list(stage.slots[number].index)] = 1.0 / limit, 1.0 / limit, corner
+    fit = replace(plain, hypothesis=replace(plain.hypothesis, active=(number,), theta=theta))
+    assert _may_bend(stage, fit, number, lacks) is told
+    assert not _may_bend(stage, fit, sharp, lacks)

@@ -27,6 +27,8 @@ _OF_COMMAND = 0.2  # share of the gain of a play of the command, up to which fri
 # from it by blocks either: both hold what answers, and part in how it breaks away. Friction told as
 # such a play lacked 0.10 to 0.17 of it in plain driving, at 2.5 and 3.8 standard errors; of such a
 # play itself, 0.36
+_WIDE = 0.2  # the width of a limit's corner, beyond which it may be a bend: limits had up to 0.04,
+# bends that were told as limits from 0.32
 _LARGER = 100.0  # lack, up to which a cause in a larger plant is tried in a smaller one
 _ABLE = 0.2  # share of the gain of a cause, that one in its place must promise or gain itself
 _TRIED = 5  # causes of a screen that are tried in the place of one
@@ -112,8 +114,8 @@ def findings_of(
             if _of_command(own, stage.slots[k], lacks, gain)
             or steadiness(stage, best[k], final) < _apart(own.cause, stage.slots[k].cause)
         ]
-        if own.cause == "saturation" and not _reaches(stage, final, number):
-            alike += [k for k, _ in rivals if stage.slots[k].cause == "gain_nonlinearity"][:1]
+        bends = [pair for pair in rivals if stage.slots[pair[0]].cause == "gain_nonlinearity"]
+        alike += [k for k, lacks in bends[:1] if _may_bend(stage, final, number, lacks)]
         twin = _twin(stage, finding, findings, final, seen)
         if twin is not None:
             rivals = [twin, *(r for r in rivals if r[0] != twin[0])]
@@ -174,14 +176,15 @@ def _by_cause(stage: Stage, fits: Sequence[Refit], kept: set[int]) -> dict[int, 
     return best
 
 
-def _reaches(stage: Stage, fit: Refit, number: int) -> bool:
-    """Whether commands go beyond a limit with a round corner: the corner alone is a bend. Of other
-    limits they always do."""
+def _may_bend(stage: Stage, fit: Refit, number: int, lacks: float) -> bool:
+    """Whether a limit with a round corner may be a bend that lacks so much: the corner alone is
+    one, where no command goes beyond it, and where it is wide the limit is no formula of either."""
     slot, u = stage.slots[number], stage.u[stage.mask]
-    if getattr(slot.effect, "at", "") != "corner":
-        return True
-    upper, lower = fit.hypothesis.theta[list(slot.index[:2])]
-    return bool(max(u.max() * upper, -u.min() * lower) > 1.0)
+    if slot.cause != "saturation" or getattr(slot.effect, "at", "") != "corner":
+        return False
+    upper, lower, corner = fit.hypothesis.theta[list(slot.index)]
+    beyond = max(u.max() * upper, -u.min() * lower) > 1.0
+    return bool(not beyond or (corner > _WIDE and lacks < _FAR))
 
 
 def _near(cause: str, other: str, lacks: float, gain: float) -> bool:
