@@ -13,6 +13,7 @@ from vdmsi_jax.diagnose.judge import Trial
 from vdmsi_jax.diagnose.leftover import only_where_judged
 from vdmsi_jax.diagnose.naming import Named
 from vdmsi_jax.diagnose.noise import BriefNoise, Noise, OwnNoise
+from vdmsi_jax.diagnose.remains import Remains
 from vdmsi_jax.diagnose.result import (
     ChannelScore,
     Diagnosis,
@@ -26,10 +27,11 @@ from vdmsi_jax.diagnose.rounding import quantised, tells_rounding
 from vdmsi_jax.diagnose.runs import Runs
 from vdmsi_jax.diagnose.stage import Stage
 from vdmsi_jax.diagnose.unexplained import BURSTS, WORSE
-from vdmsi_jax.diagnose.verdict import _or_else
+from vdmsi_jax.diagnose.verdict import _lost, _or_else
 from vdmsi_jax.diagnose.weighing import (
     Weighing,
     _of_a_bend,
+    changes_somehow,
     crowd,
     of_innovations,
     overshadowed,
@@ -423,3 +425,34 @@ def test_a_delay_has_the_share_that_it_takes_of_the_innovations(cause, share):
     object.__setattr__(search.stage, "mask", nothing)
     told = replace(trial(0.0), worth=359.1)
     assert of_innovations(named(cause, search=search), told) == pytest.approx(share, abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("cause", "sure", "disturbed", "minor"),
+    [
+        ("regime_change", 3.5, 0.98, True),
+        ("regime_change", 3.5, 0.0, False),
+        ("regime_change", 17.0, 0.98, False),
+        ("backlash", 3.5, 0.98, False),
+    ],
+)
+def test_a_change_that_is_hardly_known_is_part_of_what_is_slow(cause, sure, disturbed, minor):
+    change = named(cause)
+    trial, told = judged(change, 90.0, 95.0)
+    sizes = {"time": Estimate(23.0, 2.0, "s"), "gain": Estimate(-0.06, 0.06 / sure, "1")}
+    told = replace(told, parameters=sizes)
+    tried = [(change, trial)]
+    why = WEIGHING.why_minor(change, trial, told, 0.0, disturbed, False, tried)
+    assert bool(why) is minor
+    assert changes_somehow(told, why) is minor  # it takes three quarters of the error
+
+
+@pytest.mark.parametrize(
+    ("after", "left", "minor"), [(3.6, 0.5, True), (3.6, 0.1, False), (2.5, 0.5, False)]
+)
+def test_a_cause_that_makes_the_path_worse_beside_structure_is_minor(after, left, minor):
+    limit = named("rate_limit")
+    _, told = judged(limit, 89.0, 92.0)
+    told = replace(told, gain=replace(told.gain, ate_before=2.45, ate_after=after))
+    remains = Remains((), (), {"y": left})
+    assert bool(_lost(limit, told, remains, "y", told.share)) is minor
