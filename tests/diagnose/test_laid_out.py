@@ -95,16 +95,6 @@ def test_too_few_samples_to_fit_are_said_to_be():
         stage_of(lay_out([record]), PlantSpec("steering", "delta_cmd", "delta"))
 
 
-def test_friction_knows_the_largest_speed_of_its_plant():
-    stages = []
-    for unit in (1.0, 1000.0):
-        record = plant(1500, 5)
-        scaled = {c: unit * record[c] for c in ("u", "y")}
-        stages.append(stage_of(lay_out([replace(record, channels=scaled)]), PLANT))
-    most = [[float(e.most) for e in s.effects if e.cause == "coulomb_friction"] for s in stages]
-    assert most[1] == pytest.approx([1000.0 * x for x in most[0]])
-
-
 def test_the_command_of_a_plant_is_averaged_over_longer_rows_whatever_its_name():
     throttle = np.tile([0.0, 1.0], 500)
     drive = (PlantSpec("powertrain", "throttle", "v"),)

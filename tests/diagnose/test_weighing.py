@@ -13,7 +13,6 @@ from vdmsi_jax.diagnose.judge import Trial
 from vdmsi_jax.diagnose.leftover import only_where_judged
 from vdmsi_jax.diagnose.naming import Named
 from vdmsi_jax.diagnose.noise import BriefNoise, Noise, OwnNoise
-from vdmsi_jax.diagnose.remains import Remains
 from vdmsi_jax.diagnose.result import (
     ChannelScore,
     Diagnosis,
@@ -27,7 +26,7 @@ from vdmsi_jax.diagnose.rounding import quantised, tells_rounding
 from vdmsi_jax.diagnose.runs import Runs
 from vdmsi_jax.diagnose.stage import Stage
 from vdmsi_jax.diagnose.unexplained import BURSTS, WORSE
-from vdmsi_jax.diagnose.verdict import _lost, _or_else
+from vdmsi_jax.diagnose.verdict import _or_else
 from vdmsi_jax.diagnose.weighing import (
     Weighing,
     _of_a_bend,
@@ -445,14 +444,3 @@ def test_a_change_that_is_hardly_known_is_part_of_what_is_slow(cause, sure, dist
     why = WEIGHING.why_minor(change, trial, told, 0.0, disturbed, False, tried)
     assert bool(why) is minor
     assert changes_somehow(told, why) is minor  # it takes three quarters of the error
-
-
-@pytest.mark.parametrize(
-    ("after", "left", "minor"), [(3.6, 0.5, True), (3.6, 0.1, False), (2.5, 0.5, False)]
-)
-def test_a_cause_that_makes_the_path_worse_beside_structure_is_minor(after, left, minor):
-    limit = named("rate_limit")
-    _, told = judged(limit, 89.0, 92.0)
-    told = replace(told, gain=replace(told.gain, ate_before=2.45, ate_after=after))
-    remains = Remains((), (), {"y": left})
-    assert bool(_lost(limit, told, remains, "y", told.share)) is minor

@@ -133,8 +133,7 @@ def make_stage(name, u, y, mask, held_out, shared, allowed, wheres, dt, begun=No
     scales = replace(scales, rate=_typical(rates), time_constant=slow)
     substeps = int(np.clip(2 ** np.ceil(np.log2(max(15.0 * dt / slow, 1.0))), 1, 4))
     signals = replace(signals, h=jnp.asarray(dt / substeps), substeps=substeps)
-    effects = tuple(e.scaled(scales) for e in ACTUATOR)
-    return replace(stage, effects=effects, scales=scales, pace=1.0 / slow, signals=signals)
+    return replace(stage, scales=scales, pace=1.0 / slow, signals=signals)
 
 
 def _typical(rates: np.ndarray) -> float:

@@ -24,7 +24,7 @@ from .manoeuvres import separate
 from .naming import Named, merged, of_body, of_stage, of_yaw_rate, with_form
 from .refit import refit
 from .remains import Remains, unexplained
-from .result import Budget, Detectable, Diagnosis, Finding, Gain, Rival, Unexplained
+from .result import Budget, Detectable, Diagnosis, Finding, Rival, Unexplained
 from .road import Road
 from .rounding import COARSE, quantised, tells_rounding
 from .runs import Runs
@@ -34,9 +34,6 @@ from .weighing import LITTLE, Weighing, changes_somehow, crowd, of_innovations, 
 from .words import apart, in_words, sentence, summary
 
 _TWINS = {"powertrain": "v", "steering": "delta"}
-_WORSE = 1.15  # of the path's error, and
-_LEFT = 0.4  # share of what is left that is structure, beyond which both a cause of an actuator
-# only bends a wrong form: of right ones 12 made the path so much worse, and none left structure
 _SENSED = {"transport_delay": "sensor_delay", "offset": "sensor_bias"}
 
 
@@ -324,21 +321,11 @@ def _lost(cause: Named, found: Finding, remains: Remains, channel: str, share: f
     outdone = any(f in (cause.finding, cause.body) for f in remains.outdone)
     if outdone or remains.outdoes(found.cause, channel, share):
         return "a kind of error that has no name here explains it better"
-    much_left = remains.structure_left.get(channel, 0.0) > _LEFT
-    if cause.search is not None and much_left and _misleads(found.gain):
-        return "the path gets worse with it, beside what nothing explains"
     if remains.drowns(channel, found.share, cause.hides_small):
         return "a load that a controller answers is much larger"
     if cause.where == "sensor" and cause.channel in remains.dropping:
         return "its sensor drops out"
     return ""
-
-
-def _misleads(gain: Gain) -> bool:
-    """Whether the path gets clearly worse."""
-    if gain.ate_before is None or gain.ate_after is None:
-        return False
-    return gain.ate_after > _WORSE * gain.ate_before
 
 
 def _or_else(cause: Named, others: Sequence[Named]) -> Named:
