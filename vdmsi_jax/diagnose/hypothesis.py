@@ -1,7 +1,7 @@
 """Hypotheses about a plant: what they answer, and what is left of the measurement under them, white
 and with the best free states taken out."""
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -122,6 +122,11 @@ class Refit:
     def error(self, stage: Stage) -> float:
         """Mean squared residual of the samples that count in a fit."""
         return float(np.mean((stage.y - self.y)[stage.mask] ** 2))
+
+    def adds_one_to(self, causes: Set[int]) -> bool:
+        """Whether it has these causes, by their numbers, and just one more."""
+        own = set(self.hypothesis.active)
+        return causes < own and len(own) == len(causes) + 1
 
 
 @dataclass

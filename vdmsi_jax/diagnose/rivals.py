@@ -82,8 +82,7 @@ def findings_of(
         beside = [
             f
             for f in seen.values()
-            if kept < set(f.hypothesis.active) and len(f.hypothesis.active) == len(kept) + 1
-            if not barred & set(f.hypothesis.active)
+            if f.adds_one_to(kept) and not barred & set(f.hypothesis.active)
         ]
         fits += [
             f
@@ -145,17 +144,18 @@ def _twin(
     if not little:
         return None
     kept = set(final.hypothesis.active) - little - {finding.number}
-    fits = [f for f in seen.values() if len(f.hypothesis.active) == len(kept) + 1]
-    alone = _by_cause(stage, [f for f in fits if kept < set(f.hypothesis.active)], kept)
-    loops: dict[str, list[int]] = {cause: [] for cause in _LOOPS}
-    for number in alone:
-        loops.get(stage.slots[number].cause, []).append(number)
+    alone = _by_cause(stage, [f for f in seen.values() if f.adds_one_to(kept)], kept)
+
+    def best(cause: str) -> int | None:
+        forms = [k for k in alone if stage.slots[k].cause == cause]
+        return max(forms, key=lambda k: score(stage, alone[k]), default=None)
+
     (other,) = _LOOPS - {own}
-    if not loops[own] or not loops[other]:
+    one, twin = best(own), best(other)
+    if one is None or twin is None:
         return None
-    one, twin = (max(loops[c], key=lambda k: score(stage, alone[k])) for c in (own, other))
     lacks = lack(stage, alone[one], alone[twin])
-    apart = steadiness(stage, alone[twin], alone[one]) > _LOOP_APART
+    apart = steadiness(stage, alone[twin], alone[one]) > _apart(own, other)
     return (twin, lacks) if _near(own, other, lacks, gain) and not apart else None
 
 

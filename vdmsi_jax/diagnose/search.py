@@ -301,7 +301,7 @@ def _borne_out(found: Search, seen: Mapping[tuple, Refit], known: set[int]) -> R
     fits = [
         f
         for f in [*seen.values(), *refit(stage.fitting, more)]
-        if had < set(f.hypothesis.active) and len(f.hypothesis.active) == len(had) + 1
+        if f.adds_one_to(had)
         if not known & (set(f.hypothesis.active) - had)
         if f.loglik > final.loglik and (takes_much(f) or score(stage, f) > as_good)
     ]

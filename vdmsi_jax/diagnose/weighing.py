@@ -142,7 +142,9 @@ class Weighing:
             return "data held out do not bear it out surely enough beside what is left"
         if max(puzzle, wandering) * (1.0 - share) > share:
             return "what it leaves unexplained is more than it takes"
-        if (puzzling and cause.search and self._wanders(found)) or (disturbed and _unsure(found)):
+        if puzzling and cause.search is not None and self._wanders(found):
+            return SLOW
+        if disturbed and _unsure(found):
             return SLOW
         if trial.gain.typical <= 0.0 and self._imitated(cause, trial.gain):
             return "poles and zeros tell it as well"
