@@ -12,11 +12,11 @@ import pytest
 
 from effects.worlds import ON_A_PLANT, REGISTRY, WORLDS, benches, label
 from vdmsi_jax.effects import AbstractEffect, Effort
+from vdmsi_jax.effects.base import BODY, PORTS
 from vdmsi_jax.models.extended_plant import respond
 from vdmsi_jax.models.observer_form import observer, slowness_of
 
 ALONG = ("command", "held", "output", "measured", "sensor")  # signal and what is beside it
-BODY = ("speed", "angle", "course", "curvature", "relaxed")
 
 every_effect = pytest.mark.parametrize("effect", REGISTRY, ids=label)
 every_world = pytest.mark.parametrize("world", WORLDS, ids=lambda world: world.name)
@@ -38,8 +38,9 @@ def signal(n=96):
 
 def test_these_are_all_ports():
     public = {name for name, _ in inspect.getmembers(AbstractEffect) if not name.startswith("_")}
-    told = {"cause", "weight", "remembers", "hides_small", "scaled", "probes"}
-    assert public - told == {*ALONG, *BODY, "load", "effort", "rested"}
+    told = {"cause", "weight", "ports", "remembers", "hides_small", "scaled", "probes"}
+    assert PORTS == {*ALONG, *BODY, "load", "effort"}
+    assert public - told == PORTS | {"rested"}
 
 
 @every_effect

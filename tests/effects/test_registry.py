@@ -10,9 +10,12 @@ import pytest
 
 from effects.worlds import REGISTRY, WORLDS, benches, label, places
 from vdmsi_jax.effects import ACTUATOR, AbstractEffect, Signals
+from vdmsi_jax.effects.base import PORTS
 from vdmsi_jax.effects.dead_zone import DeadZone
 from vdmsi_jax.effects.gain_asymmetry import GainAsymmetry
-from vdmsi_jax.parameters import parameters
+from vdmsi_jax.models.extended_plant import respond
+from vdmsi_jax.models.observer_form import observer
+from vdmsi_jax.parameters import parameters, with_values
 
 WORDS = set(
     """
@@ -79,15 +82,28 @@ def test_an_effect_is_off_by_default_and_scaling_leaves_its_parameters(effect):
 
 
 @every_effect
-def test_an_effect_knows_whether_it_acts_between_the_rows(effect):
-    if getattr(effect, "at", None) == "command" and effect.cause == "backlash":
-        assert not effect.remembers  # one class has the port `output` for its other form
-        return
-    between = {"held", "load", "effort", "output", "sensor"}
-    own = {
-        name for name in between if getattr(type(effect), name) is not vars(AbstractEffect)[name]
-    }
-    assert effect.remembers == bool(own)
+def test_a_form_acts_where_its_class_can_and_every_port_of_a_class_has_a_form(effect):
+    cls = type(effect)
+    able = {port for port in PORTS if getattr(cls, port) is not vars(AbstractEffect)[port]}
+    assert effect.ports and effect.ports <= able
+    forms = [other for other in REGISTRY if type(other) is cls]
+    assert set().union(*(form.ports for form in forms)) == able
+
+
+@pytest.mark.parametrize("effect", [e for e in ACTUATOR if not e.remembers], ids=label)
+def test_what_acts_at_the_rows_alone_needs_no_steps_between_them(effect):
+    for world in (WORLDS[0], WORLDS[1]):
+        u, signals = world.rich()
+        made = effect.scaled(world.scales)
+        probes = made.probes(world.scales)
+        on = with_values(made, [jnp.asarray(x) for x in probes[len(probes) // 2]])
+        by_rows = replace(signals, h=jnp.asarray(world.dt), substeps=1)
+        a, b, pace = world.plant()
+        (system, rest), now = observer(a, b, pace), jnp.asarray(u)
+        coarse, fine = (respond(system, rest, (on,), now, told) for told in (by_rows, signals))
+        np.testing.assert_allclose(coarse, fine, rtol=0.0, atol=1e-9 * np.ptp(fine))
+        moved = np.abs(fine - respond(system, rest, (), now, signals))
+        assert moved.max() > 1e-4 * np.ptp(fine)
 
 
 def test_a_play_of_the_command_and_only_that_hides_its_small_movements():

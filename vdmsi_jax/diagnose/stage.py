@@ -12,8 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ..data.noise import white_noise_std
-from ..effects import AbstractEffect, Scales, Signals
-from ..models.extended_plant import acts
+from ..effects import FORCES, AbstractEffect, Scales, Signals
 from ..parameters import Parameter, parameters
 from ..threads import each
 from .lanes import FIRST_CAUSE, LEADS, PER_RUN, Group, Plant, Unravel, plants
@@ -43,12 +42,12 @@ class Slot:
     @property
     def forces(self) -> bool:
         """Whether it acts as a force inside the dynamics."""
-        return acts(self.effect, "effort") or acts(self.effect, "load")
+        return not self.effect.ports.isdisjoint(FORCES)
 
     @property
     def rough(self) -> bool:
         """Whether its force depends on the motion, by laws with corners."""
-        return acts(self.effect, "effort")
+        return "effort" in self.effect.ports
 
     @property
     def weight(self) -> float:

@@ -7,6 +7,7 @@ from vdmsi_jax.effects.backlash import (
     LoadedBacklash,
 )
 from vdmsi_jax.effects.bank import Bank
+from vdmsi_jax.effects.base import FORCES as FORCES
 from vdmsi_jax.effects.base import AbstractEffect as AbstractEffect
 from vdmsi_jax.effects.base import Effort as Effort
 from vdmsi_jax.effects.base import Scales as Scales

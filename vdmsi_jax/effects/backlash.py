@@ -27,9 +27,9 @@ class Backlash(AbstractEffect):
     at: Literal["command", "response"] = eqx.field(static=True, default="response")
 
     @property
-    def remembers(self) -> bool:
+    def ports(self) -> frozenset[str]:
         """A held command plays at the rows alone."""
-        return self.at == "response"
+        return frozenset({"command" if self.at == "command" else "output"})
 
     @property
     def hides_small(self) -> bool:
@@ -41,10 +41,10 @@ class Backlash(AbstractEffect):
         return [(k * size,) for k in (0.01, 0.03, 0.08, 0.2)]
 
     def command(self, u: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
-        return _played(u, self.gap) if self.at == "command" else u
+        return _played(u, self.gap)
 
     def output(self, y: Float[Array, " M"], signals: Signals) -> Float[Array, " M"]:
-        return _played(y, self.gap) if self.at == "response" else y
+        return _played(y, self.gap)
 
 
 class LoadedBacklash(AbstractEffect):

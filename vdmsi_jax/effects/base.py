@@ -20,6 +20,11 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, ArrayLike, Float
 
+FORCES = frozenset({"load", "effort"})
+_BETWEEN_ROWS = FORCES | {"held", "output", "sensor"}
+BODY = frozenset({"speed", "angle", "course", "curvature", "relaxed"})
+PORTS = _BETWEEN_ROWS | BODY | {"command", "measured"}
+
 
 class Signals(eqx.Module):
     """What an effect may look at beside the signal of its port; a row each. A stage holds those of
@@ -163,10 +168,17 @@ class AbstractEffect(eqx.Module):
     weight: ClassVar[float] = 0.0
 
     @property
+    def ports(self) -> frozenset[str]:
+        """Where it acts: the ports that its class overrides. Of a class whose forms act at one port
+        each, a form tells its own, and is not asked at the others."""
+        return frozenset(
+            port for port in PORTS if getattr(type(self), port) is not getattr(AbstractEffect, port)
+        )
+
+    @property
     def remembers(self) -> bool:
         """Whether it acts between the rows: at a port other than `command` and `measured`."""
-        ports = ("held", "load", "effort", "output", "sensor")
-        return any(getattr(type(self), p) is not getattr(AbstractEffect, p) for p in ports)
+        return not self.ports.isdisjoint(_BETWEEN_ROWS)
 
     @property
     def hides_small(self) -> bool:

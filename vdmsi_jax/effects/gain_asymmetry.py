@@ -23,15 +23,16 @@ class GainAsymmetry(AbstractEffect):
     ratio: Float[Array, ""] = parameter("1", "positive over negative gain, minus 1", lower=-0.95)
     by: Literal["command", "effort"] = eqx.field(static=True, default="command")
 
+    @property
+    def ports(self) -> frozenset[str]:
+        return frozenset({self.by})
+
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
         return [(k,) for k in (-0.4, -0.1, 0.1, 0.5)]
 
     def command(self, u: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
-        if self.by != "command":
-            return u
         return jnp.where(u > 0.0, u + self.ratio * u, u)
 
     def effort(self, at: Effort) -> Float[Array, ""]:
         push = at.u - at.still
-        pushes = (push > 0.0) if self.by == "effort" else False
-        return jnp.where(pushes, -self.ratio * push, 0.0)
+        return jnp.where(push > 0.0, -self.ratio * push, 0.0)

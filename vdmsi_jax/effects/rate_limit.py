@@ -33,6 +33,10 @@ class RateLimit(AbstractEffect):
     )
     at: Literal["response", "command", "drive"] = eqx.field(static=True, default="response")
 
+    @property
+    def ports(self) -> frozenset[str]:
+        return frozenset({"held" if self.at == "command" else "effort"})
+
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
         rate, shares = scales.rate, (1.5, 0.9, 0.6, 0.35)
         if self.at == "command":  # the command of a hull is the angle of its rudder
@@ -44,8 +48,6 @@ class RateLimit(AbstractEffect):
         return [(k, k) for k in slow] + [(slow[1], 0.0), (0.0, slow[1])]
 
     def effort(self, at: Effort) -> Float[Array, ""]:
-        if self.at == "command":
-            return jnp.zeros_like(at.u)
         rate, unit = at.rate, 1.0 / at.gain
         if self.at == "drive":
             # how far ahead the command is per rate; the response moves on within the sub-step
@@ -56,8 +58,6 @@ class RateLimit(AbstractEffect):
         return (rate - rate / limit) * unit
 
     def held(self, u: Float[Array, " M"], signals: Signals) -> Float[Array, " M"]:
-        if self.at != "command":
-            return u
 
         def follow(before: Array, u: Array) -> tuple[Array, Array]:
             step = u - before

@@ -32,6 +32,10 @@ class Saturation(AbstractEffect):
     )
     at: Literal["command", "response"] = eqx.field(static=True, default="command")
 
+    @property
+    def ports(self) -> frozenset[str]:
+        return frozenset({"command" if self.at == "command" else "measured"})
+
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
         if self.at == "command":
             high, low = scales.high, -scales.low
@@ -47,10 +51,10 @@ class Saturation(AbstractEffect):
         return u / jnp.maximum(1.0, jnp.maximum(u * self.upper, -u * self.lower))
 
     def command(self, u: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
-        return self._limited(u) if self.at == "command" else u
+        return self._limited(u)
 
     def measured(self, y: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
-        return self._limited(y) if self.at == "response" else y
+        return self._limited(y)
 
 
 class RoundSaturation(AbstractEffect):

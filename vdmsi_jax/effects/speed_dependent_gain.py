@@ -22,11 +22,15 @@ class SpeedDependentGain(AbstractEffect):
     slope: Float[Array, ""] = parameter("1/(m/s)", "relative change of the gain per m/s")
     at: Literal["command", "response"] = eqx.field(static=True, default="command")
 
+    @property
+    def ports(self) -> frozenset[str]:
+        return frozenset({"command" if self.at == "command" else "measured"})
+
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
         return [(k / max(scales.speed, 0.1),) for k in (-0.3, -0.05, 0.05, 0.3)]
 
     def command(self, u: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
-        return u + self.slope * signals.v * u if self.at == "command" else u
+        return u + self.slope * signals.v * u
 
     def measured(self, y: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
-        return y + self.slope * signals.v * y if self.at == "response" else y
+        return y + self.slope * signals.v * y

@@ -256,8 +256,8 @@ def _moved(
     steps: tuple[Float[Array, "n n"], Float[Array, "n 2"]] | None = None,
 ) -> Float[Array, " M"]:
     """What the dynamics and the forces inside them make of the held command."""
-    forced = [i for i, e in enumerate(effects) if acts(e, "effort")]
-    loaded = [i for i, e in enumerate(effects) if acts(e, "load")]
+    forced = [i for i, e in enumerate(effects) if "effort" in e.ports]
+    loaded = [i for i, e in enumerate(effects) if "load" in e.ports]
     forces = tuple(effects[i] for i in forced)
     which = None if on is None or not forced else on[np.array(forced)]
 
@@ -297,18 +297,13 @@ def _load(
     """The forces that no motion changes."""
     total = jnp.zeros_like(held)
     for i, effect in enumerate(effects):
-        if acts(effect, "load"):
+        if "load" in effect.ports:
             act = effect.load
             if on is None:
                 total = total + act(signals)
             else:
                 total = lax.cond(on[i], lambda x, act=act: x + act(signals), lambda x: x, total)
     return total
-
-
-def acts(effect: AbstractEffect, port: str) -> bool:
-    """Whether an effect does something at a port."""
-    return getattr(type(effect), port) is not getattr(AbstractEffect, port)
 
 
 def _through(
@@ -320,7 +315,7 @@ def _through(
 ) -> Float[Array, " M"]:
     """A signal behind the effects at its port. A choice that passes a signal on copies it, so that
     those that are off are passed by together, a few at a time."""
-    acting = [i for i, effect in enumerate(effects) if acts(effect, port)]
+    acting = [i for i, effect in enumerate(effects) if port in effect.ports]
     for i in acting if on is None else ():
         x = getattr(effects[i], port)(x, signals)
 

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from vdmsi_jax.effects.base import AbstractEffect
+from vdmsi_jax.effects.base import BODY, AbstractEffect
 from vdmsi_jax.models.bicycle import Bicycle
 from vdmsi_jax.models.following import FollowedAtOnce
 from vdmsi_jax.models.linear_plant import LinearPlant
@@ -25,13 +25,6 @@ class SpeedInput(enum.Enum):
 
 def _plant(plant: AbstractPlant | None) -> AbstractPlant:
     return FollowedAtOnce() if plant is None else plant
-
-
-_PORTS = ("speed", "angle", "course", "curvature", "relaxed")
-
-
-def _acts(effect: AbstractEffect, *ports: str) -> bool:
-    return any(getattr(type(effect), p) is not getattr(AbstractEffect, p) for p in ports)
 
 
 class Vehicle(eqx.Module):
@@ -61,13 +54,13 @@ class Vehicle(eqx.Module):
 
     def __check_init__(self):
         for effect in self.effects:
-            if not _acts(effect, *_PORTS):
+            if effect.ports.isdisjoint(BODY):
                 problem = f"{type(effect).__name__} acts on no vehicle"
                 raise ValueError(f"{problem}; give it to the ExtendedPlant of an actuator")
 
     def acts_at(self, *ports: str) -> bool:
         """Whether an effect acts at one of the ports."""
-        return any(_acts(effect, *ports) for effect in self.effects)
+        return any(not effect.ports.isdisjoint(ports) for effect in self.effects)
 
     def over_ground(
         self, v: Float[Array, "*n"], delta: Float[Array, "*n"]
