@@ -42,7 +42,7 @@ def test_what_takes_a_place_and_fails_does_not_come_again(monkeypatch):
     for name, does in {
         "baselines": lambda stage: {(1, 0): holds},
         "score": lambda stage, fit: 0.0,
-        "climbed": lambda stage, plain, grid: (holds, [], {}),
+        "climbed": lambda stage, plain, grid: (holds, {}),
         "eliminate": lambda stage, now, seen, borne: now,
         "worths": lambda stage, now: (now,),
         "_whole": lambda whole, stage, plain, grid, now, findings: Found(now, findings),

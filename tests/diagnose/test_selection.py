@@ -7,11 +7,11 @@ import pytest
 
 import vdmsi_jax as vj
 from vdmsi_jax.diagnose.baseline import baselines
+from vdmsi_jax.diagnose.elimination import _swings, eliminate, is_late
 from vdmsi_jax.diagnose.hypothesis import Hypothesis, Refit
 from vdmsi_jax.diagnose.prepare import stage_of
 from vdmsi_jax.diagnose.refit import refit
 from vdmsi_jax.diagnose.runs import lay_out
-from vdmsi_jax.diagnose.selection import _is_late, _swings, eliminate
 from vdmsi_jax.diagnose.starts import delayed
 
 PLANT, DT, LAG = vj.PlantSpec("servo", "u", "y"), 0.02, 0.3
@@ -47,7 +47,7 @@ def of_a_late_command():
 
 def test_a_smaller_plant_with_a_delay_that_is_likelier_is_told(of_a_late_command):
     stage, delay, poles = of_a_late_command
-    assert _is_late(stage, delay, poles, {})
+    assert is_late(stage, delay, poles, {})
     seen = {f.hypothesis.kind: f for f in (delay, poles)}
     assert eliminate(stage, delay, seen).hypothesis.kind == delay.hypothesis.kind
 
@@ -71,14 +71,14 @@ def test_only_lightly_damped_poles_about_a_mode_are_told_by_its_name(of_a_late_c
 
 def test_what_is_no_likelier_is_not(of_a_late_command):
     stage, delay, poles = of_a_late_command
-    assert not _is_late(stage, replace(delay, loglik=poles.loglik + 1.0), poles, {})
-    assert not _is_late(stage, poles, delay, {})
+    assert not is_late(stage, replace(delay, loglik=poles.loglik + 1.0), poles, {})
+    assert not is_late(stage, poles, delay, {})
 
 
 def test_a_larger_plant_with_a_delay_pays_its_price(of_a_late_command):
     stage, delay, poles = of_a_late_command
     larger: Refit = replace(delay, hypothesis=replace(delay.hypothesis, poles=3, zeros=1))
-    assert not _is_late(stage, larger, poles, {})
+    assert not is_late(stage, larger, poles, {})
 
 
 def test_a_long_delay_has_a_start_near_it():

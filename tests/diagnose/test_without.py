@@ -34,7 +34,7 @@ def test_a_model_that_errs_more_than_the_plain_plant_is_not_what_one_would_take(
     finding = Finding(number, 100.0, off_by(np.sqrt(less)))
     beside = Finding(0, 50.0, off_by(2.0))
     plain, final = off_by(1.0), off_by(0.1)
-    search = Search(STAGE, plain, plain, final, (finding, beside), ())
+    search = Search(STAGE, plain, plain, final, (finding, beside))
     error = search.usable_without(finding).y - STAGE.y
     assert np.mean(error**2) == pytest.approx(told)
 
@@ -44,7 +44,7 @@ def test_who_is_missed_so_much_that_the_model_runs_away_takes_no_more_than_all(a
     """Of two causes the second is of no use without the first."""
     plain, final = off_by(1.0), off_by(0.1)
     findings = tuple(Finding(number, 100.0, plain) for number in range(2))
-    search = Search(STAGE, plain, plain, final, findings, ())
+    search = Search(STAGE, plain, plain, final, findings)
     errors = {(0,): 0.5, (1,): alone, (): 2.0}
 
     def only(_, kept):
@@ -73,7 +73,7 @@ def leaving(error: np.ndarray, structure: float = 0.0):
     h = Hypothesis(1, 0, (), stage.off)
     none = np.zeros(0)
     fit = Refit(h, 0.0, y, y, np.zeros((y.shape[1], 1)), none, 1.0, np.zeros((0, 0)))
-    search = Search(stage, fit, fit, fit, (), ())
+    search = Search(stage, fit, fit, fit, ())
     return budget.of_channel("y", "V", search, (), structure)
 
 

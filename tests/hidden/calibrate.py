@@ -93,12 +93,12 @@ def _actuator(whole, spec, causes: dict, kinds: dict):
     stage = whole.fitting
     grid = baselines(stage)
     plain = max(grid.values(), key=lambda f: score(stage, f))
-    for f in climbed(stage, plain, grid)[2].values():
+    for f in climbed(stage, plain, grid)[1].values():
         if len(f.hypothesis.active) == 1:
             _most(causes, *_of_actuator(stage, plain, f))
     (plain,) = completed(whole, [plain])
     _kinds(kinds, weighed(*asked(spec, whole, plain.y)))
-    return Search(whole, plain, plain, plain, (), ())
+    return Search(whole, plain, plain, plain, ())
 
 
 def _vehicle(runs, body, plain, causes: dict, kinds: dict) -> None:

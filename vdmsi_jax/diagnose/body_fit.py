@@ -28,7 +28,6 @@ class BodyFit:
         active: numbers of the causes that are on.
         theta: parameters.
         loglik: over all channels.
-        logliks: by channel.
         predicted: by channel, (runs, N); `left` the residual after the chain rule.
         colour, variance, shares: by channel, of its innovations and of the chain rule.
         free: numbers of the free parameters; `covariance` theirs.
@@ -37,7 +36,6 @@ class BodyFit:
     active: tuple[int, ...]
     theta: Float[np.ndarray, " P"]
     loglik: float
-    logliks: dict[str, float]
     predicted: dict[str, np.ndarray]
     left: dict[str, np.ndarray]
     colour: dict[str, np.ndarray]
@@ -229,10 +227,12 @@ class Lane:
 
     def finish(self) -> BodyFit:
         """The fit as it stands."""
-        n = {c: int(self.body.counted[c].sum()) for c in self.y}
-        logliks = {c: -0.5 * n[c] * float(np.log(max(self.variance[c], 1e-300))) for c in self.y}
+        loglik = -0.5 * sum(
+            int(self.body.counted[c].sum()) * float(np.log(max(self.variance[c], 1e-300)))
+            for c in self.y
+        )
         return BodyFit(
-            self.active, self.theta, sum(logliks.values()), logliks, self.y, self.left(),
+            self.active, self.theta, loglik, self.y, self.left(),
             self.colour, self.variance, self.shares, self.free, inverse(self.normal),
         )  # fmt: skip
 

@@ -9,7 +9,6 @@ from jaxtyping import Bool, Float
 from ..config import PlantSpec
 from .disguise import backward
 from .hypothesis import Refit
-from .screen import Candidate
 from .stage import Stage
 
 MARGIN = 7.5
@@ -69,7 +68,6 @@ class Search:
         baseline: the plant of the final order without causes.
         final: the plant with its causes.
         findings: the strongest first.
-        screened: the screen of the baseline, best first.
         failed: what was taken out again, since it fails on data held out.
     """
 
@@ -78,7 +76,6 @@ class Search:
     baseline: Refit
     final: Refit
     findings: tuple[Finding, ...]
-    screened: tuple[Candidate, ...]
     failed: tuple[Failed, ...] = ()
 
     def without(self, finding: Finding) -> Refit:

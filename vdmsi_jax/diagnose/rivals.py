@@ -6,13 +6,13 @@ from dataclasses import replace
 from . import swing
 from .baseline import order_of
 from .disguise import all_pole, backward, stilled
+from .elimination import without
 from .found import Finding
 from .hypothesis import Hypothesis, Refit
 from .outcome import steadiness
 from .price import lack, score
 from .refit import refit
 from .screen import RAGGED, leading, screen
-from .selection import joined, without
 from .stage import Slot, Stage
 from .starts import reduced
 
@@ -69,7 +69,7 @@ def findings_of(
     for finding in findings:
         number, gain, less = finding.number, finding.gain, finding.less
         screened = screen(stage, less, fine=stage.slots[number].cause in RAGGED)
-        probes = [joined(less.hypothesis, c) for c in screened if c.number == number]
+        probes = [c.beside(less.hypothesis) for c in screened if c.number == number]
         promised = next(iter(refit(stage, probes, rounds=1, further=0)), None)
         own = stage.slots[number]
         # data held out that refute a play do not refute friction for good, nor the other way round
@@ -77,7 +77,7 @@ def findings_of(
         barred = {number, *failed} - twins
         able = (c for c in screened if c.number not in barred and c.gain > _ABLE * gain)
         leaders = leading(stage, able, _TRIED)
-        fits = refit(stage, [joined(less.hypothesis, c) for c in leaders])
+        fits = refit(stage, [c.beside(less.hypothesis) for c in leaders])
         kept = set(less.hypothesis.active)
         beside = [
             f

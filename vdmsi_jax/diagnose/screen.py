@@ -42,6 +42,14 @@ class Candidate:
     theta: Float[np.ndarray, " P"]
     swing: Float[np.ndarray, "R 2"] | None = None
 
+    def beside(self, h: Hypothesis) -> Hypothesis:
+        """A hypothesis with this cause at its probe, in the plant of another and beside its
+        causes."""
+        theta = self.theta.copy()
+        theta[: LEADS[0]] = h.theta[: LEADS[0]]
+        active = tuple(sorted({*h.active, self.number}))
+        return replace(h, active=active, theta=theta, swing=self.swing)
+
 
 def screen(stage: Stage, at: Refit, fine: bool = True) -> list[Candidate]:
     """All causes that are not on yet, by what they are predicted to explain, best first. Another

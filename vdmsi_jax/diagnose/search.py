@@ -12,6 +12,7 @@ from . import swing
 from .baseline import baselines, order_of
 from .disguise import stilled
 from .disturbance import IMITATORS
+from .elimination import cleared, eliminate, rings_rather
 from .feedback import is_answered
 from .found import FEW, Failed, Finding, Search
 from .hypothesis import Refit
@@ -22,7 +23,7 @@ from .price import CAUSE_COST, score
 from .refit import refit
 from .rivals import findings_of, worths
 from .screen import acts_in_steps
-from .selection import cleared, climbed, eliminate, rings_rather
+from .selection import climbed
 from .stage import Stage
 from .starts import hilly
 from .unexplained import extent
@@ -132,7 +133,7 @@ def _search(stage: Stage, may_step: bool = False) -> Search:
     plain = max(grid.values(), key=lambda f: score(stage, f))
     if may_step and acts_in_steps(stage, plain):
         raise ActsInSteps
-    now, screened, seen = climbed(stage, plain, grid)
+    now, seen = climbed(stage, plain, grid)
     path = _Path()
     while True:
         now = eliminate(stage, now, seen, path.borne)
@@ -143,7 +144,7 @@ def _search(stage: Stage, may_step: bool = False) -> Search:
             path.failed.append(Failed(found.findings[worst], found.final))
             path.swaps, again = 0, None
             if len(path.failed) <= _AGAIN:
-                again, _, more = climbed(stage.but(path.barred), plain, grid)
+                again, more = climbed(stage.but(path.barred), plain, grid)
                 seen |= more
             now = _instead(stage, findings[worst].less, seen, path.barred)
             if again is not None and not now.hypothesis.active:
@@ -164,7 +165,7 @@ def _search(stage: Stage, may_step: bool = False) -> Search:
         if more is None:
             told = _foretold(whole, found.findings)
             failed = tuple(path.failed)
-            return replace(found, findings=told, screened=tuple(screened), failed=failed)
+            return replace(found, findings=told, failed=failed)
         path.borne |= set(more.hypothesis.active) - set(now.hypothesis.active)
         path.swaps, now = 0, more
 
@@ -215,7 +216,7 @@ def _whole(
     kept = [plain, baseline, now, *(f.less for f in findings)]
     plain, baseline, now, *less = completed(whole, kept)
     findings = tuple(replace(f, less=k) for f, k in zip(findings, less, strict=True))
-    return Search(whole, plain, baseline, now, findings, ())
+    return Search(whole, plain, baseline, now, findings)
 
 
 def _damped(stage: Stage, fit: Refit) -> bool:

@@ -8,6 +8,7 @@ import numpy as np
 from ..config import PlantSpec
 from .body import CAUSES
 from .body_search import BodyFinding, BodySearch
+from .elimination import without
 from .families import BY_DIRECTION, PACE, Explained, better_than, weighed
 from .found import Finding, Search
 from .hypothesis import Refit, responses
@@ -16,7 +17,6 @@ from .lanes import LEADS
 from .questions import asked, asked_of_body, by_name, evenly_of
 from .result import Unexplained
 from .runs import Runs
-from .selection import without
 from .stage import Stage
 from .unexplained import PUZZLING
 

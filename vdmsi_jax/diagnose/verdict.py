@@ -29,7 +29,6 @@ from .road import Road
 from .rounding import COARSE, quantised, tells_rounding
 from .runs import Runs
 from .screen import screen
-from .selection import joined
 from .weighing import LITTLE, Weighing, changes_somehow, crowd, of_innovations, overshadowed
 from .words import apart, in_words, sentence, summary
 
@@ -346,7 +345,7 @@ def _doubt(shares: Mapping[str, float], cause: Named, trial: Trial) -> float:
 def _in_place(found: Search, less: Refit, number: int) -> Refit:
     """The model with another cause in the place of one; itself where it has that, in some form."""
     alone = found.stage.but(set(found.stage.allowed) - {number})
-    starts = [joined(less.hypothesis, c) for c in screen(alone, less)[:1]]
+    starts = [c.beside(less.hypothesis) for c in screen(alone, less)[:1]]
     return next(iter(refit(found.stage, starts)), less)
 
 
