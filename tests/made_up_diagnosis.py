@@ -100,11 +100,12 @@ def response(spec: PlantSpec, unit: str, runs: list[dict], held_out: bool = True
     judged = valid.copy()
     judged[:-1] = False
     columns = ("u", "y", "baseline", "extended", "innovations")
+    command_unit = {"voltage": "V", "v_cmd": "m/s", "delta_cmd": "rad"}[spec.input]
     arrays = {name: padded([run[name] for run in runs]) for name in columns}
     names = tuple(f"run_{i + 1}.csv" for i in range(len(runs)))
     return Response(
         spec.name, spec.input, spec.output, unit, names, DT, padded(t),
-        **arrays, valid=valid, held_out=judged & held_out,
+        **arrays, valid=valid, held_out=judged & held_out, command_unit=command_unit,
     )  # fmt: skip
 
 

@@ -58,7 +58,7 @@ def test_every_picture_is_whole_and_labelled_and_changes_no_setting(diagnosis):
             assert axes.has_data(), name
             shared = axes.get_shared_x_axes().get_siblings(axes)
             units = any("(" in other.get_xlabel() for other in shared)
-            assert units or axes.get_xlabel() == "voltage", name  # its unit is not the response's
+            assert units, name
         figure.draw_without_rendering()
         frame, drawn = figure.bbox, figure.get_tightbbox().transformed(figure.dpi_scale_trans)
         assert drawn.x0 > frame.x0 - 3 and drawn.x1 < frame.x1 + 3, f"{name} is cut off"
@@ -68,9 +68,9 @@ def test_every_picture_is_whole_and_labelled_and_changes_no_setting(diagnosis):
         assert "data:" not in svg and len(svg) < 600_000
 
 
-def test_the_command_takes_the_unit_that_it_is_given():
+def test_the_command_has_its_own_unit():
     motor = made_up_diagnosis.siso().responses[0]
-    labels = [axes.get_xlabel() for axes in plots.residual_against(motor, "V").axes]
+    labels = [axes.get_xlabel() for axes in plots.residual_against(motor).axes]
     assert labels[1:] == ["voltage (V)", "simulated speed (rad/s)", "rate of speed (rad/s²)"]
 
 

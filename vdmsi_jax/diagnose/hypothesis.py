@@ -187,12 +187,6 @@ def sensitivities(
     ]
 
 
-def usable(stage: Stage) -> np.ndarray:
-    """Samples whose innovations count. Before the first of a run there is no past, so its
-    innovation is the residual itself; without them nothing would hold the states at the start."""
-    return stage.mask
-
-
 def states_of(stage: Stage, h: Hypothesis) -> np.ndarray:
     """Response at the rows to each state at the first row, those of a mode among them, to what was
     on its way then, and to a swing of each phase."""
@@ -233,47 +227,45 @@ def residual(stage: Stage, y: np.ndarray) -> np.ndarray:
     return np.where(stage.mask, stage.y - y, 0.0)
 
 
-def whitened(x: np.ndarray, lane: Lane, counted: np.ndarray) -> np.ndarray:
-    return whiten(x[None], lane.colour[None])[0] * counted
+def whitened(x: np.ndarray, lane: Lane, mask: np.ndarray) -> np.ndarray:
+    return whiten(x[None], lane.colour[None])[0] * mask
 
 
-def variance_of(lane: Lane, counted: np.ndarray) -> float:
+def variance_of(lane: Lane, mask: np.ndarray) -> float:
     """Of the innovations, as a lane stands."""
-    return max(lane.energy / counted.sum(), 1e-300)
+    return max(lane.energy / mask.sum(), 1e-300)
 
 
-def _prior(stage: Stage, lane: Lane, counted: np.ndarray) -> float:
+def _prior(stage: Stage, lane: Lane) -> float:
     """What holds the free states, in units of the innovations."""
-    return variance_of(lane, counted) / (FREE_STATE * stage.scales.response) ** 2
+    return variance_of(lane, stage.mask) / (FREE_STATE * stage.scales.response) ** 2
 
 
-def pulled(stage: Stage, lane: Lane, counted: np.ndarray) -> Float[np.ndarray, " p"]:
+def pulled(stage: Stage, lane: Lane) -> Float[np.ndarray, " p"]:
     """What holds the free parameters that are believed to be small, likewise."""
-    return variance_of(lane, counted) * stage.ridge[lane.free]
+    return variance_of(lane, stage.mask) * stage.ridge[lane.free]
 
 
-def unlikely(stage: Stage, lane: Lane, counted: np.ndarray, theta: np.ndarray) -> float:
+def unlikely(stage: Stage, lane: Lane, theta: np.ndarray) -> float:
     """What that costs, likewise."""
-    return variance_of(lane, counted) * float(stage.ridge @ (theta - stage.off) ** 2)
+    return variance_of(lane, stage.mask) * float(stage.ridge @ (theta - stage.off) ** 2)
 
 
-def project(
-    stage: Stage, lane: Lane, counted: np.ndarray, rows: Float[np.ndarray, "q R N"]
-) -> Float[np.ndarray, "q q"]:
+def project(stage: Stage, lane: Lane, rows: Float[np.ndarray, "q R N"]) -> Float[np.ndarray, "q q"]:
     """Products of white rows, what the best free states of each run explain taken out."""
-    prior = _prior(stage, lane, counted) * np.eye(lane.white_states.shape[1])
-    own, f = np.swapaxes(rows, 0, 1), lane.white_states * counted[:, None]
+    prior = _prior(stage, lane) * np.eye(lane.white_states.shape[1])
+    own, f = np.swapaxes(rows, 0, 1), lane.white_states * stage.mask[:, None]
     across, turned = own @ np.swapaxes(f, 1, 2), np.swapaxes(own, 1, 2)
     states = np.linalg.solve(f @ np.swapaxes(f, 1, 2) + prior, np.swapaxes(across, 1, 2))
     return np.sum(own @ turned - across @ states, axis=0)
 
 
-def repaint(stage: Stage, lane: Lane, counted: np.ndarray) -> None:
+def repaint(stage: Stage, lane: Lane) -> None:
     """Whiten all of a lane by its colour."""
     lane.white_states = white_states(stage, lane)
-    lane.leave(whitened(residual(stage, lane.y), lane, counted))
+    lane.leave(whitened(residual(stage, lane.y), lane, stage.mask))
     if lane.slopes is not None:
-        lane.white_slopes = whitened(lane.slopes, lane, counted)
+        lane.white_slopes = whitened(lane.slopes, lane, stage.mask)
 
 
 def white_states(stage: Stage, lane: Lane) -> Float[np.ndarray, "one_or_R n N"]:
@@ -285,14 +277,14 @@ def white_states(stage: Stage, lane: Lane) -> Float[np.ndarray, "one_or_R n N"]:
     return whiten(rows[None], lane.colour[None])[0]
 
 
-def with_states(stage: Stage, lane: Lane, counted: np.ndarray) -> Float[np.ndarray, "R N"]:
+def with_states(stage: Stage, lane: Lane) -> Float[np.ndarray, "R N"]:
     """A lane's response with the free response of the states at the starts that fit best."""
-    return lane.y + free_states(stage, lane, counted) @ lane.states.T
+    return lane.y + free_states(stage, lane) @ lane.states.T
 
 
-def free_states(stage: Stage, lane: Lane, counted: np.ndarray) -> Float[np.ndarray, "R n"]:
+def free_states(stage: Stage, lane: Lane) -> Float[np.ndarray, "R n"]:
     """The states at the start of each run that fit best."""
-    prior = _prior(stage, lane, counted) * np.eye(lane.white_states.shape[1])
-    f = lane.white_states * counted[:, None]
+    prior = _prior(stage, lane) * np.eye(lane.white_states.shape[1])
+    f = lane.white_states * stage.mask[:, None]
     toward = f @ lane.white_error[..., None]
     return np.linalg.solve(f @ np.swapaxes(f, 1, 2) + prior, toward)[..., 0]

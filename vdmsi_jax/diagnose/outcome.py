@@ -19,7 +19,6 @@ from .hypothesis import (
     residual,
     responses,
     sensitivities,
-    usable,
     whitened,
     with_states,
 )
@@ -34,7 +33,6 @@ reaches to 11.03 times its inverse."""
 def completed(stage: Stage, fits: Sequence[Refit]) -> list[Refit]:
     """Fits to the runs of a stage in which something counts, with the responses of all its runs,
     and the covariances from differences at the optimum."""
-    counted = usable(stage)
     used = np.asarray(stage.mask.any(axis=1))
     fits = [replace(f, hypothesis=_over(f.hypothesis, used)) for f in fits]
     simulated = responses(stage, [f.hypothesis for f in fits])
@@ -43,9 +41,9 @@ def completed(stage: Stage, fits: Sequence[Refit]) -> list[Refit]:
     for f, y, J in zip(fits, simulated, slopes, strict=True):
         free = f.hypothesis.free(stage)
         lane = Lane(f.hypothesis, free, y, f.states, f.colour)
-        repaint(stage, lane, counted)
-        white = whitened(np.where(stage.mask, J, 0.0), lane, counted)
-        normal = project(stage, lane, counted, white) + np.diag(pulled(stage, lane, counted))
+        repaint(stage, lane)
+        white = whitened(np.where(stage.mask, J, 0.0), lane, stage.mask)
+        normal = project(stage, lane, white) + np.diag(pulled(stage, lane))
         covariance = inverse(normal) * f.variance
         whole = y.copy()
         whole[used] = f.y
@@ -56,8 +54,8 @@ def completed(stage: Stage, fits: Sequence[Refit]) -> list[Refit]:
             if own is not None:
                 own[r] = states[-2:]
                 y[r] += lane.states[:, -2:] @ states[-2:]
-        covariance = _widened(stage, lane, counted, white, covariance)
-        covariance = _jumping(stage, lane, counted, covariance, f.variance)
+        covariance = _widened(stage, lane, white, covariance)
+        covariance = _jumping(stage, lane, covariance, f.variance)
         found.append(replace(f, y=whole, simulated=y, covariance=covariance))
     return found
 
@@ -72,20 +70,20 @@ def _over(h: Hypothesis, used: np.ndarray) -> Hypothesis:
 
 
 def _widened(
-    stage: Stage, lane: Lane, counted: np.ndarray, slopes: Float[np.ndarray, "p R N"],
+    stage: Stage, lane: Lane, slopes: Float[np.ndarray, "p R N"],
     covariance: Float[np.ndarray, "p p"],
 ) -> Float[np.ndarray, "p p"]:  # fmt: skip
     """A covariance with what blocks of the data tell of the form."""
-    white = whitened(residual(stage, with_states(stage, lane, counted)), lane, counted)
-    blocks, p = int(np.clip(counted.sum() // (BEYOND * lane.colour.size), 1, 200)), len(slopes)
-    variance = max(float(np.sum(white**2)) / counted.sum(), 1e-300)
-    scores = block_sums((slopes * white)[:, counted], blocks) / variance
+    white = whitened(residual(stage, with_states(stage, lane)), lane, stage.mask)
+    blocks, p = int(np.clip(stage.mask.sum() // (BEYOND * lane.colour.size), 1, 200)), len(slopes)
+    variance = max(float(np.sum(white**2)) / stage.mask.sum(), 1e-300)
+    scores = block_sums((slopes * white)[:, stage.mask], blocks) / variance
     factors = widening(covariance, scores * np.sqrt(blocks / max(blocks - p, 1)))
     return covariance * np.outer(factors, factors)
 
 
 def _jumping(
-    stage: Stage, lane: Lane, counted: np.ndarray, covariance: Float[np.ndarray, "p p"],
+    stage: Stage, lane: Lane, covariance: Float[np.ndarray, "p p"],
     variance: float,
 ) -> Float[np.ndarray, "p p"]:  # fmt: skip
     """A covariance with the moment of a jump as wide as such a moment is known: away from it, the
@@ -100,8 +98,8 @@ def _jumping(
         theta, at = lane.hypothesis.theta.copy(), list(lane.free).index(slot.index[0])
         theta[slot.index[0]] += stage.dt
         moved = responses(stage, [replace(lane.hypothesis, theta=theta)])[0] - lane.y
-        white = whitened(np.where(stage.mask, moved, 0.0), lane, counted)
-        a_row = float(project(stage, lane, counted, white[None])[0, 0]) / variance
+        white = whitened(np.where(stage.mask, moved, 0.0), lane, stage.mask)
+        a_row = float(project(stage, lane, white[None])[0, 0]) / variance
         std = _BAI * stage.dt / max(a_row, 1e-300)
         factors[at] = max(std / max(float(np.sqrt(covariance[at, at])), 1e-300), 1.0)
     return covariance * np.outer(factors, factors)
@@ -120,14 +118,13 @@ def _begun(stage: Stage, lane: Lane, y: np.ndarray, run: int) -> np.ndarray:
 def steadiness(stage: Stage, less: Refit, more: Refit) -> float:
     """By how many standard errors, over blocks, one fit is likelier than another. What a wrong form
     gains it gains in a moment or two, and the likelihood alone does not ask where."""
-    counted = usable(stage)
     parts = []
     for f in (less, more):
         white = whiten(residual(stage, f.y)[None], f.colour[None])[0]
-        left = residual(stage, f.y)[counted]
+        left = residual(stage, f.y)[stage.mask]
         plain = max(float(np.mean(left**2)), 1e-300)
         slow = (np.log(plain) + left**2 / plain) / (BEYOND * f.colour.size)
-        parts.append(-0.5 * (np.log(f.variance) + white[counted] ** 2 / f.variance + slow))
+        parts.append(-0.5 * (np.log(f.variance) + white[stage.mask] ** 2 / f.variance + slow))
     gained = parts[1] - parts[0]
     blocks = int(np.clip(gained.size // (BEYOND * less.colour.size), 4, 60))
     sums = block_sums(gained, blocks)

@@ -31,7 +31,6 @@ from .hypothesis import (
     sensitivities,
     states_of,
     unlikely,
-    usable,
     white_states,
     whitened,
     with_states,
@@ -121,14 +120,13 @@ def _fitted(
     most: float,
 ) -> list[_Tried]:
     """What comes of each lane, if others are worth so much already."""
-    counted = usable(stage)
-    _recolour(stage, lanes, counted)
+    _recolour(stage, lanes)
     kept = under_way = lanes
     values = [-np.inf] * len(lanes)
     for k in range(rounds + further):
-        gained = _round(stage, under_way, counted, steps)
+        gained = _round(stage, under_way, steps)
         if worth is not None and k == 0:
-            values = [worth(f.hypothesis, f.loglik) for f in _finish(stage, lanes, counted)]
+            values = [worth(f.hypothesis, f.loglik) for f in _finish(stage, lanes)]
             least, first = max(most, *values) - reach, _first_of_kind(stage, lanes, values)
             pairs = enumerate(zip(lanes, values, strict=True))
             kept = under_way = [x for i, (x, v) in pairs if v >= least or i in first]
@@ -136,7 +134,7 @@ def _fitted(
             under_way = [x for x, g in zip(under_way, gained, strict=True) if g > _FAR]
         if not under_way:
             break
-    found = _finish(stage, kept, counted) if kept else []
+    found = _finish(stage, kept) if kept else []
     fits = {id(x): f for x, f in zip(kept, found, strict=True)}
     return [_Tried(v, fits.get(id(x))) for x, v in zip(lanes, values, strict=True)]
 
@@ -158,24 +156,24 @@ def _first_of_kind(stage: Stage, lanes: Sequence[Lane], values: Sequence[float])
     return {i for forms in best.values() for i in forms.values()}
 
 
-def _round(stage: Stage, lanes: list[Lane], counted: np.ndarray, steps: int) -> list[float]:
+def _round(stage: Stage, lanes: list[Lane], steps: int) -> list[float]:
     """Some steps of every lane and a new estimate of its colour; what the steps gained, in twice
     the log-likelihood."""
     before = []
     for lane in lanes:
-        lane.cost = float(project(stage, lane, counted, lane.white_error[None])[0, 0])
-        lane.cost += unlikely(stage, lane, counted, lane.hypothesis.theta)
+        lane.cost = float(project(stage, lane, lane.white_error[None])[0, 0])
+        lane.cost += unlikely(stage, lane, lane.hypothesis.theta)
         lane.settled = False
         before.append(lane.cost)
     for _ in range(steps):
         moving = [lane for lane in lanes if not lane.settled]
         if moving:
-            _advance(stage, moving, counted)
+            _advance(stage, moving)
     gained = [
-        float(counted.sum() * np.log(cost / max(lane.cost, 1e-300)))
+        float(stage.mask.sum() * np.log(cost / max(lane.cost, 1e-300)))
         for cost, lane in zip(before, lanes, strict=True)
     ]
-    _recolour(stage, lanes, counted)
+    _recolour(stage, lanes)
     return gained
 
 
@@ -190,7 +188,7 @@ def _begun(stage: Stage, h: Hypothesis) -> Hypothesis:
     return replace(h, theta=theta, swing=own)
 
 
-def _advance(stage: Stage, lanes: list[Lane], counted: np.ndarray) -> None:
+def _advance(stage: Stage, lanes: list[Lane]) -> None:
     """One step of Levenberg-Marquardt of every lane: differences where the old ones no longer
     serve, then three dampings tried."""
     low, high = stage.bounds
@@ -201,13 +199,13 @@ def _advance(stage: Stage, lanes: list[Lane], counted: np.ndarray) -> None:
             lane.slopes = None
         if lane.slopes is None:
             stale.append(lane)
-    _differ(stage, stale, counted)
+    _differ(stage, stale)
     trials, scales = [], []
     for lane in lanes:
         assert lane.white_slopes is not None
         rows = np.concatenate([lane.white_error[None], lane.white_slopes])
-        gram = project(stage, lane, counted, rows)
-        theta, pull = lane.hypothesis.theta, pulled(stage, lane, counted)
+        gram = project(stage, lane, rows)
+        theta, pull = lane.hypothesis.theta, pulled(stage, lane)
         away = (theta - stage.off)[lane.free]
         normal, slope = gram[1:, 1:] + np.diag(pull), gram[1:, 0] - pull * away
         scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
@@ -221,16 +219,16 @@ def _advance(stage: Stage, lanes: list[Lane], counted: np.ndarray) -> None:
     tried = len(_DAMPINGS)
     answers = responses(stage, trials).reshape(len(lanes), tried, *stage.y.shape)
     colours = np.stack([lane.colour for lane in lanes])
-    errors = whiten(residual(stage, answers), colours) * counted
+    errors = whiten(residual(stage, answers), colours) * stage.mask
     grown = np.where(growth(stage, trials) > GROWTH, np.inf, 0.0).reshape(len(lanes), tried)
     for i, lane in enumerate(lanes):
         own = trials[tried * i : tried * (i + 1)]
-        costs = np.diag(project(stage, lane, counted, errors[i]))
-        costs = costs + [unlikely(stage, lane, counted, h.theta) for h in own] + grown[i]
+        costs = np.diag(project(stage, lane, errors[i]))
+        costs = costs + [unlikely(stage, lane, h.theta) for h in own] + grown[i]
         best = int(np.argmin(np.where(np.isfinite(costs), costs, np.inf)))
         serves = lane.drift < _HELPS
         if costs[best] < lane.cost:
-            gained = (lane.cost - costs[best]) / lane.cost * counted.sum()
+            gained = (lane.cost - costs[best]) / lane.cost * stage.mask.sum()
             theta = trials[tried * i + best].theta
             _move(stage, lane, scales[i], theta, answers[i, best], errors[i, best])
             lane.settled = bool(gained < _SETTLED) and serves
@@ -245,12 +243,12 @@ def _advance(stage: Stage, lanes: list[Lane], counted: np.ndarray) -> None:
             lane.slopes = None
 
 
-def _differ(stage: Stage, lanes: list[Lane], counted: np.ndarray) -> None:
+def _differ(stage: Stage, lanes: list[Lane]) -> None:
     """Take the slopes of lanes anew."""
     slopes = sensitivities(stage, [lane.hypothesis for lane in lanes], [lane.y for lane in lanes])
     for lane, J in zip(lanes, slopes, strict=True):
         lane.slopes, lane.drift = np.where(stage.mask, J, 0.0), 0.0
-        lane.white_slopes = whitened(lane.slopes, lane, counted)
+        lane.white_slopes = whitened(lane.slopes, lane, stage.mask)
 
 
 def _move(
@@ -277,46 +275,46 @@ def _move(
     lane.white_states = white_states(stage, lane)
 
 
-def _recolour(stage: Stage, lanes: list[Lane], counted: np.ndarray) -> None:
+def _recolour(stage: Stage, lanes: list[Lane]) -> None:
     """Estimate the colour of every lane's residual, free states taken out."""
     for lane in lanes:
-        repaint(stage, lane, counted)
-        _swung(stage, lane, counted)
-    left = np.stack([residual(stage, with_states(stage, lane, counted)) for lane in lanes])
+        repaint(stage, lane)
+        _swung(stage, lane)
+    left = np.stack([residual(stage, with_states(stage, lane)) for lane in lanes])
     colours = stage.noise.colours(left, stage.mask, lanes[0].colour.size)
     for lane, colour in zip(lanes, colours, strict=True):
         lane.colour = colour
-        repaint(stage, lane, counted)
+        repaint(stage, lane)
 
 
-def _swung(stage: Stage, lane: Lane, counted: np.ndarray) -> None:
+def _swung(stage: Stage, lane: Lane) -> None:
     """Give each run the swing that fits it best."""
     h, frequency = lane.hypothesis, lane.hypothesis.frequency(stage)
     if frequency is None or h.swing is None:
         return
-    more = free_states(stage, lane, counted)[:, -2:]
+    more = free_states(stage, lane)[:, -2:]
     lane.hypothesis = replace(h, swing=h.swing + more)
     lane.y = lane.y + more @ swing.columns(stage, frequency)
     lane.slopes = lane.white_slopes = None
-    repaint(stage, lane, counted)
+    repaint(stage, lane)
 
 
-def _finish(stage: Stage, lanes: list[Lane], counted: np.ndarray) -> list[Refit]:
+def _finish(stage: Stage, lanes: list[Lane]) -> list[Refit]:
     found = []
-    n = int(counted.sum())
-    _differ(stage, [lane for lane in lanes if lane.slopes is None], counted)
+    n = int(stage.mask.sum())
+    _differ(stage, [lane for lane in lanes if lane.slopes is None])
     for lane in lanes:
         assert lane.white_slopes is not None
-        y = with_states(stage, lane, counted)
-        innovations = whitened(residual(stage, y), lane, counted)
+        y = with_states(stage, lane)
+        innovations = whitened(residual(stage, y), lane, stage.mask)
         variance = max(float(np.sum(innovations**2)) / n, 1e-300)
         left = residual(stage, y)
         plain = max(float(np.sum(left**2)) / n, 1e-300)
         slow = 0.5 * n / (BEYOND * lane.colour.size) * float(np.log(plain))
         away = lane.hypothesis.theta - stage.off
         loglik = -0.5 * (n * float(np.log(variance)) + float(stage.ridge @ away**2)) - slow
-        normal = project(stage, lane, counted, lane.white_slopes)
-        covariance = inverse(normal + np.diag(pulled(stage, lane, counted))) * variance
+        normal = project(stage, lane, lane.white_slopes)
+        covariance = inverse(normal + np.diag(pulled(stage, lane))) * variance
         found.append(
             Refit(
                 lane.hypothesis, loglik, y, lane.y, lane.states, lane.colour, variance, covariance

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from . import swing
 from .colour import spectrum, whiten
-from .hypothesis import Hypothesis, Refit, responses, sensitivities, usable
+from .hypothesis import Hypothesis, Refit, responses, sensitivities
 from .lanes import LEADS
 from .stage import MOST_LEAD, Stage
 from .steps import likely_steps
@@ -76,7 +76,7 @@ def screen(stage: Stage, at: Refit, fine: bool = True) -> list[Candidate]:
             ]
         if slot.cause == swing.CAUSE:
             e = np.where(stage.mask, stage.y - at.y, 0.0)
-            white = whiten(e[None], at.colour[None])[0] * usable(stage)
+            white = whiten(e[None], at.colour[None])[0] * stage.mask
             lines = swing.peaks(stage, at.hypothesis.theta, at.hypothesis.active, e, white)
             options = [((f, 0.0, 0.0), own) for f, own in lines]
         known = (tuple(at.hypothesis.theta[list(LEADS)]),)
@@ -178,7 +178,6 @@ class _Ground:
 
     def __init__(self, stage: Stage, at: Refit):
         self.stage, self.at = stage, at
-        self.counted = usable(stage)
         J = sensitivities(stage, [at.hypothesis], [at.simulated])[0]
         nuisance = absorbable(stage, at, J)
         e = np.where(stage.mask, stage.y - at.y, 0.0)
@@ -216,11 +215,11 @@ class _Ground:
         taken = np.concatenate([np.ones((len(size), 1)), -shares], axis=1)
         left = (taken @ self.flat).view(complex).reshape(len(size), *self.spectra.shape[1:])
         left -= size[:, None, None] * spectrum(directions)
-        gain = self.counted.sum() * np.log(self.variance / self._innovations(left))
+        gain = self.stage.mask.sum() * np.log(self.variance / self._innovations(left))
         return np.where(energy > 1e-12 * float(self.error @ self.error), gain, 0.0)
 
     def _white(self, x: Float[np.ndarray, "L R N"]) -> Float[np.ndarray, "L S"]:
-        return (whiten(x[None], self.at.colour[None])[0] * self.counted).reshape(len(x), -1)
+        return (whiten(x[None], self.at.colour[None])[0] * self.stage.mask).reshape(len(x), -1)
 
     def _innovations(self, spectra: np.ndarray) -> np.ndarray:
         """Sums of squares after each one's own whitening."""

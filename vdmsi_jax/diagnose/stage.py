@@ -62,7 +62,8 @@ class Stage:
     Attributes:
         name: `powertrain`, `steering` or the name of another plant.
         u, y: (runs, N) command and measured response, padded by their last value.
-        mask: (runs, N) samples that count in a fit.
+        mask: (runs, N) samples that count in a fit: those before the first of a run have no past,
+            and their innovations are the residual itself, which holds the states at the start.
         held_out: (runs, N) samples that only judge one.
         signals: what else the effects look at, (runs, N) each.
         effects: all causes, off.

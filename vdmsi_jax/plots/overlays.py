@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 from ..config import CANONICAL
 from ..correlation import autocorrelation
 from ..diagnose.result import Path, Response
-from ..units import si_symbol
 from .signals import NAMES
 from .style import (
     COLOURS,
@@ -89,13 +88,6 @@ def best_window(response: Response, run: Run) -> slice:
 
 def _label(response: Response) -> str:
     return unit_label(NAMES.get(response.channel, response.channel), response.unit)
-
-
-def _command_unit(response: Response, given: str | None) -> str:
-    if given is not None:
-        return given
-    known = response.command in CANONICAL
-    return si_symbol(CANONICAL[response.command]) if known else ""
 
 
 def draw_signals(axes: Axes, response: Response, run: Run, part: slice) -> None:
@@ -207,7 +199,7 @@ def on_path(response: Response, *paths: Path) -> Figure:
 
 
 @styled
-def residual_against(response: Response, command_unit: str | None = None) -> Figure:
+def residual_against(response: Response) -> Figure:
     """Residual of baseline and extended against time, command, response and response rate: the
     mean in bins of equally many samples, with the 95 % band of that mean.
 
@@ -216,7 +208,6 @@ def residual_against(response: Response, command_unit: str | None = None) -> Fig
 
     Args:
         response: what to draw, its held-out samples (all of them if none is held out).
-        command_unit: of the command, where that is no canonical channel.
     """
     run = judged_run(response)
     rows = response.valid & (response.held_out if run.held_out.any() else response.valid)
@@ -224,7 +215,7 @@ def residual_against(response: Response, command_unit: str | None = None) -> Fig
     command, output = (NAMES.get(c, c) for c in (response.command, response.channel))
     panels = (
         ("time", f"time t of {run.name} (s)", None),
-        ("command", unit_label(command, _command_unit(response, command_unit)), response.u),
+        ("command", unit_label(command, response.command_unit), response.u),
         ("response", unit_label(f"simulated {output}", response.unit), response.extended),
         ("response rate", unit_label(f"rate of {output}", _per_second(response.unit)), rate),
     )

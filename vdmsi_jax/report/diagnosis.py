@@ -98,7 +98,7 @@ def _what_is_wrong(d: Diagnosis) -> list[Block]:
             ),
             Picture(
                 plots.to_svg(
-                    plots.residual_against(response, _unit(d, response.command)),
+                    plots.residual_against(response),
                     f"{_id(response)}-against",
                 ),
                 f"{capital(response.name)}: mean residual of {response.channel} against time, "
