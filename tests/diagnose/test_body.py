@@ -207,6 +207,6 @@ def test_a_bank_pulls_no_more_than_its_slope_can(slope, pull, strange):
     theta = np.zeros(max(map(max, INDEX)) + 1)
     theta[list(INDEX[BANK])] = slope, pull
     none = np.zeros((0, 0))
-    fits = [BodyFit(on, theta, 0.0, {}, {}, {}, {}, {}, {}, (), none) for on in ((), (BANK,))]
+    fits = [BodyFit(on, theta, 0.0, {}, {}, {}, {}, {}, (), none) for on in ((), (BANK,))]
     without, leaning = (score(fit) for fit in fits)
     assert (without - leaning > price((BANK,)) + 1.0) == strange
