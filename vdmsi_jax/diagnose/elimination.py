@@ -41,7 +41,7 @@ def eliminate(
         best = max(fits, key=lambda f: score(stage, f))
         gone = next(iter(set(now.hypothesis.active) - set(best.hypothesis.active)))
         late = stage.slots[gone].cause == "transport_delay"
-        spared = _worth_of_poles(stage, now, best, seen) if late else 0.0
+        spared = _spared(stage, now, best, seen) if late else 0.0
         if score(stage, best) < score(stage, now) - spared:
             return now
         if rings(stage, now, best, seen):
@@ -50,7 +50,7 @@ def eliminate(
     return now
 
 
-def _worth_of_poles(stage: Stage, late: Refit, poles: Refit, seen: Mapping[tuple, Refit]) -> float:
+def _spared(stage: Stage, late: Refit, poles: Refit, seen: Mapping[tuple, Refit]) -> float:
     """What poles for a delay may cost: one pole a little, two more nothing; and beside other causes
     a part of what those are worth, since where their form is not exact, a delay mends it."""
     if is_late(stage, late, poles, seen):

@@ -227,28 +227,28 @@ def residual(stage: Stage, y: np.ndarray) -> np.ndarray:
     return np.where(stage.mask, stage.y - y, 0.0)
 
 
-def whitened(x: np.ndarray, lane: Lane, mask: np.ndarray) -> np.ndarray:
-    return whiten(x[None], lane.colour[None])[0] * mask
+def whitened(stage: Stage, lane: Lane, x: np.ndarray) -> np.ndarray:
+    return whiten(x[None], lane.colour[None])[0] * stage.mask
 
 
-def variance_of(lane: Lane, mask: np.ndarray) -> float:
+def _variance(stage: Stage, lane: Lane) -> float:
     """Of the innovations, as a lane stands."""
-    return max(lane.energy / mask.sum(), 1e-300)
+    return max(lane.energy / stage.mask.sum(), 1e-300)
 
 
 def _prior(stage: Stage, lane: Lane) -> float:
     """What holds the free states, in units of the innovations."""
-    return variance_of(lane, stage.mask) / (FREE_STATE * stage.scales.response) ** 2
+    return _variance(stage, lane) / (FREE_STATE * stage.scales.response) ** 2
 
 
 def pulled(stage: Stage, lane: Lane) -> Float[np.ndarray, " p"]:
     """What holds the free parameters that are believed to be small, likewise."""
-    return variance_of(lane, stage.mask) * stage.ridge[lane.free]
+    return _variance(stage, lane) * stage.ridge[lane.free]
 
 
 def unlikely(stage: Stage, lane: Lane, theta: np.ndarray) -> float:
     """What that costs, likewise."""
-    return variance_of(lane, stage.mask) * float(stage.ridge @ (theta - stage.off) ** 2)
+    return _variance(stage, lane) * float(stage.ridge @ (theta - stage.off) ** 2)
 
 
 def project(stage: Stage, lane: Lane, rows: Float[np.ndarray, "q R N"]) -> Float[np.ndarray, "q q"]:
@@ -263,9 +263,9 @@ def project(stage: Stage, lane: Lane, rows: Float[np.ndarray, "q R N"]) -> Float
 def repaint(stage: Stage, lane: Lane) -> None:
     """Whiten all of a lane by its colour."""
     lane.white_states = white_states(stage, lane)
-    lane.leave(whitened(residual(stage, lane.y), lane, stage.mask))
+    lane.leave(whitened(stage, lane, residual(stage, lane.y)))
     if lane.slopes is not None:
-        lane.white_slopes = whitened(lane.slopes, lane, stage.mask)
+        lane.white_slopes = whitened(stage, lane, lane.slopes)
 
 
 def white_states(stage: Stage, lane: Lane) -> Float[np.ndarray, "one_or_R n N"]:

@@ -42,7 +42,7 @@ def completed(stage: Stage, fits: Sequence[Refit]) -> list[Refit]:
         free = f.hypothesis.free(stage)
         lane = Lane(f.hypothesis, free, y, f.states, f.colour)
         repaint(stage, lane)
-        white = whitened(np.where(stage.mask, J, 0.0), lane, stage.mask)
+        white = whitened(stage, lane, np.where(stage.mask, J, 0.0))
         normal = project(stage, lane, white) + np.diag(pulled(stage, lane))
         covariance = inverse(normal) * f.variance
         whole = y.copy()
@@ -74,7 +74,7 @@ def _widened(
     covariance: Float[np.ndarray, "p p"],
 ) -> Float[np.ndarray, "p p"]:  # fmt: skip
     """A covariance with what blocks of the data tell of the form."""
-    white = whitened(residual(stage, with_states(stage, lane)), lane, stage.mask)
+    white = whitened(stage, lane, residual(stage, with_states(stage, lane)))
     blocks, p = int(np.clip(stage.mask.sum() // (BEYOND * lane.colour.size), 1, 200)), len(slopes)
     variance = max(float(np.sum(white**2)) / stage.mask.sum(), 1e-300)
     scores = block_sums((slopes * white)[:, stage.mask], blocks) / variance
@@ -98,7 +98,7 @@ def _jumping(
         theta, at = lane.hypothesis.theta.copy(), list(lane.free).index(slot.index[0])
         theta[slot.index[0]] += stage.dt
         moved = responses(stage, [replace(lane.hypothesis, theta=theta)])[0] - lane.y
-        white = whitened(np.where(stage.mask, moved, 0.0), lane, stage.mask)
+        white = whitened(stage, lane, np.where(stage.mask, moved, 0.0))
         a_row = float(project(stage, lane, white[None])[0, 0]) / variance
         std = _BAI * stage.dt / max(a_row, 1e-300)
         factors[at] = max(std / max(float(np.sqrt(covariance[at, at])), 1e-300), 1.0)

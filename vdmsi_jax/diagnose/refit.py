@@ -248,7 +248,7 @@ def _differ(stage: Stage, lanes: list[Lane]) -> None:
     slopes = sensitivities(stage, [lane.hypothesis for lane in lanes], [lane.y for lane in lanes])
     for lane, J in zip(lanes, slopes, strict=True):
         lane.slopes, lane.drift = np.where(stage.mask, J, 0.0), 0.0
-        lane.white_slopes = whitened(lane.slopes, lane, stage.mask)
+        lane.white_slopes = whitened(stage, lane, lane.slopes)
 
 
 def _move(
@@ -306,7 +306,7 @@ def _finish(stage: Stage, lanes: list[Lane]) -> list[Refit]:
     for lane in lanes:
         assert lane.white_slopes is not None
         y = with_states(stage, lane)
-        innovations = whitened(residual(stage, y), lane, stage.mask)
+        innovations = whitened(stage, lane, residual(stage, y))
         variance = max(float(np.sum(innovations**2)) / n, 1e-300)
         left = residual(stage, y)
         plain = max(float(np.sum(left**2)) / n, 1e-300)
