@@ -31,6 +31,9 @@ held out say of that function: 30 clean responses had -65 to 11."""
 PACE = "a time constant that changes with the state"
 """The kind of what changes how fast a response moves, and not where it comes to rest."""
 
+MEMORY = "a gain that remembers past effort"
+"""The kind of what heat does to a gain, and what an effort leaves behind."""
+
 BY_DIRECTION = "a time constant that differs up and down"
 """The same of what heats faster than it cools."""
 
@@ -144,7 +147,7 @@ def of_plant(
     aging = [now, now**2, now * y, now**2 * y, now * rate]
     found = [
         _hysteresis(y, response, mask, STICKING),
-        _family("a gain that remembers past effort", [command], [y * x for x in effort]),
+        _family(MEMORY, [command], [y * x for x in effort]),
         _family(PACE, [response], paced, _PACED),
         _family("a gain that changes with the state", [response], _curves(y, mask), _CURVED),
         _family("a change with time", ["t"], aging, _AGING),

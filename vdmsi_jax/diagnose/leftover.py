@@ -12,7 +12,7 @@ from .body_fit import BodyFit, residual
 from .body_search import BodySearch
 from .colour import whiten
 from .disturbance import IMITATORS, demands, moving, scores
-from .families import HYSTERESIS, Explained, explained, weighed
+from .families import HYSTERESIS, PACE, Explained, explained, weighed
 from .feedback import is_answered
 from .found import Search
 from .heading import by_heading
@@ -183,8 +183,8 @@ def _of_a_kind(
     words, on = f"{kind.family.words} would explain it", kind.family.depends_on
     size = float(np.sqrt(kind.share * np.mean(e[use] ** 2))) / extent(y[use])
     known = [c for c in causes if c in (kind.family.causes or ())]
-    if kind.family.words == HYSTERESIS and kind.share > PUZZLING:
-        known = []  # no play, and no friction: in 900 hunted drives and ten exams none was right
+    if kind.family.words in (HYSTERESIS, PACE) and kind.share > PUZZLING:
+        known = []  # no play, friction or limit of a rate: of 2000 hunted drives none was right
     if known:
         words = f"{known[0]} has another form; {words}"
     if size < SMALL:

@@ -7,7 +7,7 @@ from functools import cached_property
 
 from ..config import PlantSpec
 from .body_search import BodySearch
-from .families import HYSTERESIS, OF_STATES, STICKING
+from .families import HYSTERESIS, MEMORY, OF_STATES, PACE, STICKING
 from .found import Search
 from .leftover import leftover
 from .result import Unexplained
@@ -35,11 +35,17 @@ _PLAYED = (
 _BY_STATES = 0.15  # share of a channel's error, that some function of states takes beside a cause
 # that stands in for it: beside right names up to 0.12, beside wrong ones 0.06 to 0.27
 _BY_TURNS = 0.1  # likewise a hysteresis: beside wrong names 0.14 and 0.19, beside no right one
-_OF_STATES = (
-    *("gain_nonlinearity", "saturation", "dead_zone", "gain_asymmetry"),
-    *("drag", "coulomb_friction", "backlash"),
-)  # causes that are functions of these themselves
-_FREER = ((OF_STATES, _OF_STATES, _BY_STATES), (HYSTERESIS, STICKING, _BY_TURNS))
+_BY_PACE, _BY_MEMORY = 0.01, 0.01  # likewise these: beside wrong names from 0.02 and 0.014,
+# beside one right name of 1500 alone, 0.002
+_BENDS = ("gain_nonlinearity", "saturation", "gain_asymmetry", "drag")
+_OF_STATES = (*_BENDS, "rate_limit", "dead_zone", "coulomb_friction", "backlash")
+_WORN = (*_BENDS, "offset", "gain_drift", "regime_change")
+_FREER = (
+    (OF_STATES, _OF_STATES, _BY_STATES),
+    (HYSTERESIS, STICKING, _BY_TURNS),
+    (PACE, (*_BENDS, "rate_limit"), _BY_PACE),
+    (MEMORY, _WORN, _BY_MEMORY),
+)  # kinds of error, causes that may be a part of such, and the least share
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,9 +93,8 @@ class Remains:
         return _largest([*puzzling, *self._beyond])
 
     def outdoes(self, cause: str, channel: str, share: float) -> bool:
-        """Whether some function of inputs and states, or a hysteresis, takes so much more of a
-        channel's error beside a cause that is one, too, that this, which takes a `share`, is but a
-        part of what the library lacks."""
+        """Whether a kind of error takes so much more of a channel's beside a cause of that kind,
+        that this, which takes a `share`, is but a part of what the library lacks."""
         for kind, causes, least in _FREER:
             by_kind = _largest(u for u in self.found if u.kind == kind)
             if cause in causes and by_kind.get(channel, 0.0) * (1.0 - share) > least:
