@@ -9,10 +9,12 @@ import pytest
 import vdmsi_jax as vj
 from vdmsi_jax.diagnose import manoeuvres
 from vdmsi_jax.diagnose.hypothesis import Hypothesis, Refit
+from vdmsi_jax.diagnose.manoeuvres import APART, better
 from vdmsi_jax.diagnose.prepare import stage_of
 from vdmsi_jax.diagnose.refit import refit
 from vdmsi_jax.diagnose.runs import lay_out
 from vdmsi_jax.diagnose.stage import Stage
+from vdmsi_jax.effects import ACTUATOR, SENSOR, VEHICLE
 
 DT, ROWS = 0.02, 1500
 PLANT = vj.PlantSpec("motor", "u", "y")
@@ -74,3 +76,12 @@ def test_where_the_logs_hold_a_repeat_another_is_not_advised():
     stage, zone, offset = fitted(again=True)
     assert stage.noise.by == "repeat"
     assert "once more" not in manoeuvres.separate(stage, zone, offset)
+
+
+@pytest.mark.parametrize("pair", APART, ids=lambda pair: "-".join(sorted(pair)))
+def test_what_separates_two_causes_is_said_of_both(pair):
+    one, other = (
+        next(e for e in ACTUATOR + VEHICLE + SENSOR if e.cause == cause) for cause in sorted(pair)
+    )
+    assert better(one, ["resonance", other.cause]) == better(other, [one.cause]) == APART[pair]
+    assert better(one, []) == better(one, ["resonance"]) == one.shown_by

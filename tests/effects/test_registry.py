@@ -50,12 +50,12 @@ def test_a_dead_zone_is_the_same_both_ways_before_the_gain_differs():
 
 
 @every_effect
-def test_the_list_for_users_has_the_cause_and_its_parameters(effect):
+def test_the_list_for_users_has_the_cause_its_parameters_and_what_shows_it(effect):
     told = {"share": "weight", "sine": "amplitude", "cosine": "phase"}
     text = (Path(__file__).parents[2] / "docs" / "causes.md").read_text()
     rows = "".join(row for row in text.splitlines() if row.startswith(f"| `{effect.cause}`"))
     missing = [n for n in parameters(effect) if f"`{told.get(n, n)}`" not in rows]
-    assert rows and not missing
+    assert rows and not missing and f"| {effect.shown_by} |" in rows
 
 
 @every_effect

@@ -50,7 +50,7 @@ def detectable_in_body(found: BodySearch) -> list[Detectable]:
     for i, (k, size) in enumerate(zip(causes, sizes, strict=True)):
         cause, seen = CAUSES[k], math.isfinite(size)
         others = [CAUSES[causes[j]].cause for j in np.flatnonzero(cosines[i] > ALIKE)]
-        names, hint = open_about(cause.cause, others, seen)
+        names, hint = open_about(cause.effect, others, seen)
         first, unit = cause.names[0], cause.units[0]
         new = Detectable(cause.cause, cause.where, first, size, unit, names, hint, cause.channel)
         if cause.told not in best or size < best[cause.told].smallest:

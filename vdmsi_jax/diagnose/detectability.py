@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..effects import AbstractEffect
 from . import swing
 from .colour import whiten
 from .hypothesis import Refit, responses, sensitivities
@@ -58,7 +59,7 @@ def detectable(stage: Stage, at: Refit, units: tuple[str, str]) -> list[Detectab
         if inverse:
             smallest = 1.0 / smallest if np.isfinite(smallest) and smallest > 0 else np.inf
         others = [stage.slots[off[j]].cause for j in np.flatnonzero(cosines[k] > ALIKE)]
-        names, hint = open_about(slot.cause, others, visible)
+        names, hint = open_about(slot.effect, others, visible)
         name = "amplitude" if slot.cause == swing.CAUSE else slot.names[main]
         told = told_unit(slot, main, units)
         new = Detectable(slot.cause, slot.where, name, float(smallest), told, names, hint)
@@ -70,11 +71,13 @@ def detectable(stage: Stage, at: Refit, units: tuple[str, str]) -> list[Detectab
     return list(best.values())
 
 
-def open_about(cause: str, others: Sequence[str], seen: bool) -> tuple[tuple[str, ...], str]:
-    """Of the causes whose effects look like that of one the others, each once, if it is seen at
+def open_about(
+    effect: AbstractEffect, others: Sequence[str], seen: bool
+) -> tuple[tuple[str, ...], str]:
+    """Of the causes whose effects look like one the others, each once, if it is seen at
     all; and what to drive where there are any, or where it is not seen."""
-    names = tuple(dict.fromkeys(o for o in others if seen and o != cause))
-    return names, better(cause, names) if names or not seen else ""
+    names = tuple(dict.fromkeys(o for o in others if seen and o != effect.cause))
+    return names, better(effect, names) if names or not seen else ""
 
 
 def _rungs(stage: Stage, number: int) -> tuple[float, ...]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from ..effects import AbstractEffect
 from .colour import whiten
 from .hypothesis import Refit, responses, sensitivities
 from .stage import Stage
@@ -70,6 +71,18 @@ CATALOGUE = (
 AGAIN = "the same drives once more"
 """A repeat of the logs at hand."""
 
+_TURNING, _CHIRP = "constant steering with a ramp of speed", "a chirp of 0.1 to 6 Hz"
+APART = {
+    frozenset({"sensor_lag", "sensor_delay"}): _CHIRP,
+    frozenset({"coulomb_friction", "backlash"}): _CHIRP,
+    frozenset({"geometry_scale", "understeer"}): _TURNING,
+    frozenset({"geometry_scale", "speed_scale"}): _TURNING,
+    frozenset({"drag", "offset"}): "a ladder of speeds, or coasting down",
+    frozenset({"gain_drift", "regime_change"}): "the same manoeuvre throughout",
+    frozenset({"bank", "offset"}): "the same road in both directions",
+}
+"""What separates two causes whatever the vehicle, where neither is simulated."""
+
 
 def separate(stage: Stage, final: Refit, rival: Refit) -> str:
     """The manoeuvre that separates two explanations best, with what it is predicted to reach.
@@ -120,23 +133,8 @@ def _apart(
     return np.sum(left**2, axis=1) / max(final.variance, 1e-300)
 
 
-def better(cause: str, alike: Sequence[str]) -> str:
-    """What to drive to see a cause that a log does not excite or separate."""
-    pairs = {
-        frozenset({"sensor_lag", "sensor_delay"}): "a chirp of 0.1 to 6 Hz",
-        frozenset({"geometry_scale", "understeer"}): "constant steering with a speed ramp",
-        frozenset({"drag", "offset"}): "a ladder of speeds, or coasting down",
-        frozenset({"gain_drift", "regime_change"}): "repeated steps over the whole run",
-        frozenset({"coulomb_friction", "backlash"}): "a chirp of 0.1 to 6 Hz",
-    }
-    for other in alike:
-        if frozenset({cause, other}) in pairs:
-            return pairs[frozenset({cause, other})]
-    if cause == "understeer":
-        return "constant steering with a speed ramp"
-    quick = "transport_delay", "resonance", "rate_limit", "coulomb_friction", "backlash"
-    if cause in (*quick, "sensor_lag", "sensor_delay", "tyre_relaxation", "yaw_inertia"):
-        return "a chirp of 0.1 to 6 Hz"
-    if cause in ("dead_zone", "gain_nonlinearity", "saturation", "gain_asymmetry", "quantization"):
-        return "a sine whose amplitude grows over the whole range of both signs"
-    return "random levels over the whole range"
+def better(effect: AbstractEffect, alike: Sequence[str]) -> str:
+    """What to drive to see an effect that a log does not excite, or to tell it from the causes that
+    look alike: from the first of them that something separates."""
+    pairs = (frozenset({effect.cause, other}) for other in alike)
+    return next((APART[pair] for pair in pairs if pair in APART), effect.shown_by)

@@ -20,7 +20,7 @@ from .extension import extended_model, plain_model
 from .found import FEW, MARGIN, Search, output_of
 from .hypothesis import Refit
 from .judge import Scored, Trial, confirmed, gain_of
-from .manoeuvres import separate
+from .manoeuvres import better, separate
 from .naming import Named, merged, of_body, of_stage, of_yaw_rate, with_form
 from .refit import refit
 from .remains import Remains, unexplained
@@ -256,10 +256,9 @@ class Evidence:
         return replace(found, sentence=sentence(found))
 
     def _experiment(self, cause: Named, rivals: Sequence[Rival]) -> str:
-        if cause.search is None or cause.finding is None:
-            return _BODILY.get(
-                cause.cause, "constant steering angles with ramps of speed, both ways"
-            )
+        if cause.body is not None:
+            return better(CAUSES[cause.body.number].effect, [r.cause for r in rivals])
+        assert cause.search is not None and cause.finding is not None
         for k, _ in cause.finding.others:
             slot = cause.search.stage.slots[k]
             if any((slot.cause, slot.where) == (r.cause, r.where) for r in rivals):
@@ -364,13 +363,3 @@ _SENSOR = (
     "log the yaw rate and the pose beside this channel: a sensor's fault is not seen in them, "
     "and an actuator's is"
 )
-_BODILY = {
-    "understeer": "constant steering with a speed ramp",
-    "geometry_scale": "constant steering with a speed ramp",
-    "bank": "the same road in both directions",
-    "offset": "the same road in both directions",
-    "sensor_lag": "a steering chirp of 0.1 to 6 Hz",
-    "sensor_delay": "a steering chirp of 0.1 to 6 Hz",
-    "tyre_relaxation": "a steering chirp of 0.1 to 6 Hz at two speeds",
-    "yaw_inertia": "a steering chirp of 0.1 to 6 Hz at two speeds",
-}

@@ -22,6 +22,7 @@ class Backlash(AbstractEffect):
     """
 
     cause: ClassVar[str] = "backlash"
+    shown_by: ClassVar[str] = "reversals at several amplitudes"
 
     gap: Float[Array, ""] = parameter("response", "full width of the play", lower=0.0)
     at: Literal["command", "response"] = eqx.field(static=True, default="response")
@@ -60,6 +61,7 @@ class LoadedBacklash(AbstractEffect):
     """
 
     cause: ClassVar[str] = "backlash"
+    shown_by: ClassVar[str] = "reversals at several amplitudes"
 
     gap: Float[Array, ""] = parameter("response", "full width of the play", lower=0.0)
     centring: Float[Array, ""] = parameter("1/s", "pace of the return to zero", lower=0.0)
@@ -86,6 +88,7 @@ class CoastingBacklash(AbstractEffect):
     """
 
     cause: ClassVar[str] = "backlash"
+    shown_by: ClassVar[str] = "reversals at several amplitudes"
 
     gap: Float[Array, ""] = parameter("response", "full width of the play", lower=0.0)
     coasting: Float[Array, ""] = parameter("s", "time in which the load comes to rest", lower=0.0)
@@ -124,6 +127,7 @@ class FollowedBacklash(AbstractEffect):
     """
 
     cause: ClassVar[str] = "backlash"
+    shown_by: ClassVar[str] = "reversals at several amplitudes"
 
     gap: Float[Array, ""] = parameter("response", "full width of the play", lower=0.0)
     behind: Float[Array, ""] = parameter("s", "time constant of what follows", lower=0.0)

@@ -20,6 +20,7 @@ class Bank(AbstractEffect):
     component."""
 
     cause: ClassVar[str] = "bank"
+    shown_by: ClassVar[str] = "the same road in both directions"
 
     slope: Float[Array, ""] = parameter("1", "lateral slope, by the usual tyre's compliance")
     pull: Float[Array, ""] = parameter("rad", "steering angle that the pull is worth")

@@ -159,12 +159,14 @@ class AbstractEffect(eqx.Module):
 
     Attributes:
         cause: the word of the contract.
+        shown_by: what to drive to see it best, as part of a sentence.
         weight: how many parameters it counts as in a comparison, where that is not as many as it
             has: more of a cause whose place in time or frequency is searched over, which fits noise
             more easily, less where some of them hardly ever matter.
     """
 
     cause: ClassVar[str]
+    shown_by: ClassVar[str]
     weight: ClassVar[float] = 0.0
 
     @property

@@ -30,6 +30,7 @@ class CoulombFriction(AbstractEffect):
     """
 
     cause: ClassVar[str] = "coulomb_friction"
+    shown_by: ClassVar[str] = "slow reversals, and coasting down"
     weight: ClassVar[float] = 2.0  # without breakaway the last parameter tells nothing
 
     level: Float[Array, ""] = parameter(

@@ -23,6 +23,7 @@ class CrossCoupling(AbstractEffect):
     """
 
     cause: ClassVar[str] = "cross_coupling"
+    shown_by: ClassVar[str] = "one command held while the other moves"
 
     strength: Float[Array, ""] = parameter("command per unit of the other", "of the coupling")
     by: Literal["signed", "size", "square", "slowed", "cornering", "speed", "acceleration"] = (

@@ -18,6 +18,7 @@ class DeadZone(AbstractEffect):
     """
 
     cause: ClassVar[str] = "dead_zone"
+    shown_by: ClassVar[str] = "small commands around zero"
 
     half_width: Float[Array, ""] = parameter(
         "command", "commands up to this size do nothing", lower=0.0
@@ -44,6 +45,7 @@ class LateDeadZone(AbstractEffect):
     """
 
     cause: ClassVar[str] = "dead_zone"
+    shown_by: ClassVar[str] = "small commands around zero"
 
     half_width: Float[Array, ""] = parameter(
         "command", "commands up to this size do nothing", lower=0.0

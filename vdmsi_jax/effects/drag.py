@@ -13,6 +13,7 @@ class Drag(AbstractEffect):
     """The deceleration `quadratic v |v| + rolling sign(v)`, as the command that is spent on it."""
 
     cause: ClassVar[str] = "drag"
+    shown_by: ClassVar[str] = "a ladder of speeds"
 
     quadratic: Float[Array, ""] = parameter("1/m", "of the squared speed", lower=0.0)
     rolling: Float[Array, ""] = parameter("m/s^2", "deceleration by rolling resistance", lower=0.0)

@@ -19,6 +19,7 @@ class GainAsymmetry(AbstractEffect):
     """
 
     cause: ClassVar[str] = "gain_asymmetry"
+    shown_by: ClassVar[str] = "steps in both directions"
 
     ratio: Float[Array, ""] = parameter("1", "positive over negative gain, minus 1", lower=-0.95)
     by: Literal["command", "effort"] = eqx.field(static=True, default="command")

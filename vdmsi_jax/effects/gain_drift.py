@@ -21,6 +21,7 @@ class GainDrift(AbstractEffect):
     """
 
     cause: ClassVar[str] = "gain_drift"
+    shown_by: ClassVar[str] = "the same manoeuvre early and late"
 
     rate: Float[Array, ""] = parameter("1/s", "relative change of the gain per second")
     bend: Float[Array, ""] = parameter("1/s", "decay of that change", lower=-0.05, upper=_SOONEST)

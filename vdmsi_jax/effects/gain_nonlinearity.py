@@ -21,6 +21,7 @@ class GainNonlinearity(AbstractEffect):
     """
 
     cause: ClassVar[str] = "gain_nonlinearity"
+    shown_by: ClassVar[str] = "a ladder of amplitudes"
 
     quadratic: Float[Array, ""] = parameter("1/command", "of u |u|, or of u squared")
     cubic: Float[Array, ""] = parameter("1/command^2", "of u cubed")
@@ -41,6 +42,7 @@ class AbstractOfResponse(AbstractEffect):
     """What bends by the size of the response."""
 
     cause: ClassVar[str] = "gain_nonlinearity"
+    shown_by: ClassVar[str] = "a ladder of amplitudes"
 
     quadratic: Float[Array, ""] = parameter("1/response", "of y |y|")
     cubic: Float[Array, ""] = parameter("1/response^2", "of y cubed")
@@ -109,6 +111,7 @@ class PowerLaw(AbstractEffect):
     """
 
     cause: ClassVar[str] = "gain_nonlinearity"
+    shown_by: ClassVar[str] = "a ladder of amplitudes"
 
     bend: Float[Array, ""] = parameter(
         "1", "exponent beyond the first power", lower=-0.95, upper=3.0

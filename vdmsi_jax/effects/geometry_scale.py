@@ -12,6 +12,7 @@ class GeometryScale(AbstractEffect):
     """True over told wheelbase: the curvature is divided by it."""
 
     cause: ClassVar[str] = "geometry_scale"
+    shown_by: ClassVar[str] = "constant steering at several angles"
 
     scale: Float[Array, ""] = parameter("1", "true over told wheelbase, minus 1", lower=-0.9)
 

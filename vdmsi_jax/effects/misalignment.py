@@ -13,6 +13,7 @@ class Misalignment(AbstractEffect):
     """A constant added to the road-wheel angle behind its sensor."""
 
     cause: ClassVar[str] = "offset"
+    shown_by: ClassVar[str] = "driving straight, with a pose"
 
     bias: Float[Array, ""] = parameter("rad", "added to the road-wheel angle")
     by: Literal["angle"] = eqx.field(static=True, default="angle")

@@ -19,6 +19,7 @@ class Offset(AbstractEffect):
     """
 
     cause: ClassVar[str] = "offset"
+    shown_by: ClassVar[str] = "commands of zero"
 
     bias: Float[Array, ""] = parameter("response", "added to the response")
 

@@ -13,6 +13,7 @@ class PeriodicDisturbance(AbstractEffect):
     """A sinusoid of the run's time added to the response, as its sine and cosine parts."""
 
     cause: ClassVar[str] = "periodic_disturbance"
+    shown_by: ClassVar[str] = "long steady stretches"
     weight: ClassVar[float] = 5.0
 
     frequency: Float[Array, ""] = parameter("Hz", "how often", off=1.0, lower=0.0)

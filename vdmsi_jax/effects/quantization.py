@@ -18,6 +18,7 @@ class Quantization(AbstractEffect):
     """
 
     cause: ClassVar[str] = "quantization"
+    shown_by: ClassVar[str] = "slow ramps"
     weight: ClassVar[float] = 4.0
 
     step: Float[Array, ""] = parameter("command", "size of a step", lower=0.0)

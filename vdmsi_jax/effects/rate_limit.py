@@ -24,6 +24,7 @@ class RateLimit(AbstractEffect):
     """
 
     cause: ClassVar[str] = "rate_limit"
+    shown_by: ClassVar[str] = "large steps"
 
     rising: Float[Array, ""] = parameter(
         "1/(response/s)", "inverse of the largest rate upward", lower=0.0, shown="inverse"

@@ -21,6 +21,7 @@ class RegimeChange(AbstractEffect):
     """
 
     cause: ClassVar[str] = "regime_change"
+    shown_by: ClassVar[str] = "the same manoeuvre throughout"
     weight: ClassVar[float] = 5.0
 
     time: Float[Array, ""] = parameter("s", "when, from the start of the run or session")

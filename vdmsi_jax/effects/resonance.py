@@ -16,6 +16,7 @@ class Resonance(AbstractEffect):
     zeros, as that of a motor that swings against its load."""
 
     cause: ClassVar[str] = "resonance"
+    shown_by: ClassVar[str] = "a chirp of 0.1 to 6 Hz"
     weight: ClassVar[float] = 2.0  # as a plant of two poles and zeros more would cost
 
     frequency: Float[Array, ""] = parameter("Hz", "of the undamped mode", off=1.0, lower=0.0)

@@ -22,6 +22,7 @@ class RoadGrade(AbstractEffect):
     """
 
     cause: ClassVar[str] = "road_grade"
+    shown_by: ClassVar[str] = "the same road twice"
     weight: ClassVar[float] = 10.0
 
     slope: Float[Array, " knots"] = parameter(

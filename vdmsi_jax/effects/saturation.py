@@ -23,6 +23,7 @@ class Saturation(AbstractEffect):
     """
 
     cause: ClassVar[str] = "saturation"
+    shown_by: ClassVar[str] = "large commands, held"
 
     upper: Float[Array, ""] = parameter(
         "1/command", "inverse of the upper limit", lower=0.0, shown="inverse"
@@ -66,6 +67,7 @@ class RoundSaturation(AbstractEffect):
     """
 
     cause: ClassVar[str] = "saturation"
+    shown_by: ClassVar[str] = "large commands, held"
 
     upper: Float[Array, ""] = parameter(
         "1/command", "inverse of the upper limit", lower=0.0, shown="inverse"
@@ -104,6 +106,7 @@ class EndStop(AbstractEffect):
     """
 
     cause: ClassVar[str] = "saturation"
+    shown_by: ClassVar[str] = "large commands, held"
 
     upper: Float[Array, ""] = parameter(
         "1/response", "inverse of the upper limit", lower=0.0, shown="inverse"

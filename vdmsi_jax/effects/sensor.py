@@ -13,6 +13,7 @@ class SensorDelay(AbstractEffect):
     """The measurement of the channel is older than its time stamp."""
 
     cause: ClassVar[str] = "sensor_delay"
+    shown_by: ClassVar[str] = "a chirp of 0.1 to 6 Hz"
 
     delay: Float[Array, ""] = parameter("s", "age of the measurement")
 
@@ -27,6 +28,7 @@ class SensorBias(AbstractEffect):
     """A constant is added to the measurement of the channel."""
 
     cause: ClassVar[str] = "sensor_bias"
+    shown_by: ClassVar[str] = "standing still, and driving straight"
 
     bias: Float[Array, ""] = parameter("response", "added to the measurement")
 
@@ -41,6 +43,7 @@ class SensorLag(AbstractEffect):
     """A first-order filter in the sensor."""
 
     cause: ClassVar[str] = "sensor_lag"
+    shown_by: ClassVar[str] = "a chirp of 0.1 to 6 Hz"
 
     time_constant: Float[Array, ""] = parameter("s", "of the filter", lower=0.0)
 

@@ -18,6 +18,7 @@ class SpeedDependentGain(AbstractEffect):
     """
 
     cause: ClassVar[str] = "speed_dependent_gain"
+    shown_by: ClassVar[str] = "the same steering at several speeds"
 
     slope: Float[Array, ""] = parameter("1/(m/s)", "relative change of the gain per m/s")
     at: Literal["command", "response"] = eqx.field(static=True, default="command")

@@ -12,6 +12,7 @@ class SpeedScale(AbstractEffect):
     """Speed over the ground is `1 + scale` times the measured one."""
 
     cause: ClassVar[str] = "speed_scale"
+    shown_by: ClassVar[str] = "a straight drive, with pose and speed logged together"
 
     scale: Float[Array, ""] = parameter("1", "true over measured speed, minus 1", lower=-0.9)
 

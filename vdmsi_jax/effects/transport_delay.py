@@ -13,6 +13,7 @@ class TransportDelay(AbstractEffect):
     over it."""
 
     cause: ClassVar[str] = "transport_delay"
+    shown_by: ClassVar[str] = "steps of the command"
 
     delay: Float[Array, ""] = parameter("s", "time from the command to its effect")
 

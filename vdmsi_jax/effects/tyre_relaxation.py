@@ -18,6 +18,7 @@ class TyreRelaxation(AbstractEffect):
     """
 
     cause: ClassVar[str] = "tyre_relaxation"
+    shown_by: ClassVar[str] = "a steering chirp of 0.1 to 6 Hz at two speeds"
 
     length: Float[Array, ""] = parameter("m", "way over which the curvature follows", lower=0.0)
 

@@ -15,6 +15,7 @@ class Understeer(AbstractEffect):
     """
 
     cause: ClassVar[str] = "understeer"
+    shown_by: ClassVar[str] = "constant steering with a ramp of speed"
 
     gradient: Float[Array, ""] = parameter("s^2/m^2", "K in delta / (1 + K v^2)")
 

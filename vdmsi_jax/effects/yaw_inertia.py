@@ -17,6 +17,7 @@ class YawInertia(AbstractEffect):
     """
 
     cause: ClassVar[str] = "yaw_inertia"
+    shown_by: ClassVar[str] = "a steering chirp of 0.1 to 6 Hz at two speeds"
     weight: ClassVar[float] = 2.0  # with the lags that every body has it takes some of any misfit
 
     lag: Float[Array, ""] = parameter("s^2/m", "time constant per speed", lower=0.0)

@@ -16,6 +16,7 @@ class YawOffset(AbstractEffect):
     one side; unlike wheels that stand askew, it turns no more at a higher speed."""
 
     cause: ClassVar[str] = "offset"
+    shown_by: ClassVar[str] = "driving straight, with a pose"
     weight: ClassVar[float] = 1.1  # a gyroscope's bias is likelier where nothing tells them apart
 
     bias: Float[Array, ""] = parameter("rad/s", "added to the yaw rate")
