@@ -6,7 +6,7 @@ from scipy.signal import lfilter
 
 import vdmsi_jax as vj
 from vdmsi_jax.diagnose.colour import autoregression, whiten
-from vdmsi_jax.diagnose.feedback import answered
+from vdmsi_jax.diagnose.feedback import answered, trembles
 
 DT, ROWS, FINE, ORDER = 0.02, 2500, 20, 10
 
@@ -95,6 +95,20 @@ def test_a_planned_command_follows_nothing_whatever_is_left(smooth, play):
     wrong = (planned[1] - slower)[None]
     wrong = whiten(wrong, autoregression(wrong, use, ORDER))[0]
     assert not answered(planned[0], wrong, use, ORDER)
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+@pytest.mark.parametrize("gain", [0.0, 1.5])
+def test_a_command_trembles_where_a_controller_answers_a_noisy_sensor(gain, smooth):
+    u, _ = controlled(3, gain=gain, smooth=smooth)
+
+    assert trembles(u, np.ones(u.shape, bool)) is (gain > 0.0)
+
+
+def test_a_command_of_noise_is_planned():
+    u = np.random.default_rng(4).standard_normal((3, ROWS))
+
+    assert not trembles(u, np.ones(u.shape, bool))
 
 
 @pytest.mark.slow

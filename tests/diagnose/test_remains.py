@@ -409,3 +409,16 @@ def test_an_error_that_is_most_of_a_response_and_lasts_is_told(share, lasts, tol
     e, white = share * e / e.std(), share * innovations / e.std()
     found = _of_the_most("y", e, white, y, np.ones(y.shape, bool))
     assert [u.puzzling for u in found] == [True] * told
+
+
+@pytest.mark.parametrize(
+    ("channel", "share", "statistic", "echoed"),
+    [
+        ("v", 0.1, 59.0, True),
+        ("v", 0.1, 300.0, False),
+        ("v", 0.6, 59.0, False),
+        ("delta", 0.1, 59.0, False),
+    ],
+)
+def test_a_faint_cause_in_a_loop_may_tell_what_its_commands_know(channel, share, statistic, echoed):
+    assert Remains((), (), echoing=frozenset({"v"})).echoes(channel, share, statistic) is echoed

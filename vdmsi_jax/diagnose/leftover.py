@@ -13,7 +13,6 @@ from .body_search import BodySearch
 from .colour import whiten
 from .disturbance import IMITATORS, demands, moving, scores
 from .families import HYSTERESIS, PACE, Explained, explained, weighed
-from .feedback import is_answered
 from .found import Search
 from .heading import by_heading
 from .noise import slow_noise
@@ -55,12 +54,16 @@ _NEXT_TO = 0.02  # of the time, that a change may lie before or behind a part
 
 
 def leftover(
-    runs: Runs, searches: Mapping[PlantSpec, Search], bodily: BodySearch | None
+    runs: Runs,
+    searches: Mapping[PlantSpec, Search],
+    bodily: BodySearch | None,
+    loops: Collection[str],
 ) -> list[Unexplained]:
-    """What the final models leave in the responses of the plants and in the yaw rate."""
+    """What the final models leave in the responses of the plants, of which a controller answers
+    those of `loops`, and in the yaw rate."""
     found = []
     for spec, own in searches.items():
-        found += _of_stage(runs, spec, own)
+        found += _of_stage(runs, spec, own, spec.output in loops)
     if bodily is not None:
         found += _of_body(runs, bodily) + jumps_of_pose(runs.begins, bodily)
         found += _of_compass(runs, bodily)
@@ -112,7 +115,7 @@ def _broken(label: str, channel: str, fraction: float, size: float = math.inf) -
     return replace(left, size=size) if size < SMALL else left
 
 
-def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
+def _of_stage(runs: Runs, spec: PlantSpec, own: Search, loaded: bool) -> list[Unexplained]:
     stage, final = own.stage, own.final
     e = np.where(stage.mask | stage.held_out, stage.y - final.y, 0.0)
     evenly = evenly_of(runs, spec)
@@ -128,7 +131,6 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search) -> list[Unexplained]:
     needs = demands(stage.u, final.y, stage.mask | stage.held_out, stage.dt)
     moves = moving(np.asarray(stage.signals.v), stage.mask | stage.held_out)
     known = stage.noise.slow
-    loaded = is_answered(stage, final)
     if loaded:  # what is asked goes with the error, and not the other way round
         needs = needs[:0]
     about = spec.output, e, white, stage.y, needs, masks, stage.dt

@@ -8,6 +8,7 @@ from functools import cached_property
 from ..config import PlantSpec
 from .body_search import BodySearch
 from .families import HYSTERESIS, MEMORY, OF_STATES, PACE, STICKING
+from .feedback import is_answered, trembles
 from .found import Search
 from .leftover import leftover
 from .result import Unexplained
@@ -29,6 +30,8 @@ _NO_WIND, _NO_EVEN_WIND = 0.085, 0.16  # the same, beyond which an error is no d
 # the library lacks 0.09 to 0.33
 _NO_LOAD = 1.0  # the same of one that a controller answers: a load may be all that moves a loop
 _DROWNED = 0.33  # share of a channel's error, below which a cause beside such a load is minor
+_ECHOED = 100.0  # twice the log-likelihood, below which it is beside any error that one answers: a
+# friction of a clean loop had 59, right names in loops from 200
 _PLAYED = (
     0.5  # the same of a play of the command: of clean loops 0.26, 0.38, of true ones from 0.59
 )
@@ -57,21 +60,26 @@ class Remains:
         outdone: the causes (findings of an actuator or of the body) that only stand in for a kind
             of error that the library lacks.
         structure_left: by channel, the largest share of what is left that is structure.
+        echoing: channels whose commands a controller makes.
     """
 
     found: tuple[Unexplained, ...]
     outdone: tuple[object, ...]
     structure_left: Mapping[str, float] = field(default_factory=dict)
+    echoing: frozenset[str] = frozenset()
 
     @classmethod
     def of(
         cls, runs: Runs, searches: Mapping[PlantSpec, Search], bodily: BodySearch | None
     ) -> "Remains":
         """Look at what the model leaves."""
-        left, outdone = leftover(runs, searches, bodily), stand_ins(runs, searches, bodily)
+        stages = {spec.output: (own.stage, own.final) for spec, own in searches.items()}
+        loops = {channel for channel, told in stages.items() if is_answered(*told)}
+        noisy = {c for c, (stage, _) in stages.items() if trembles(stage.u, stage.mask)}
+        left, outdone = leftover(runs, searches, bodily, loops), stand_ins(runs, searches, bodily)
         structure = _largest(u for u in left if not u.steady)
         left += [u for _, u in outdone if u.fraction > 0.0]
-        return cls(tuple(left), tuple(f for f, _ in outdone), structure)
+        return cls(tuple(left), tuple(f for f, _ in outdone), structure, frozenset(loops | noisy))
 
     @cached_property
     def disturbances(self) -> list[Unexplained]:
@@ -100,6 +108,12 @@ class Remains:
             if cause in causes and by_kind.get(channel, 0.0) * (1.0 - share) > least:
                 return True
         return False
+
+    def echoes(self, channel: str, share: float, statistic: float) -> bool:
+        """Whether a controller makes the commands of a channel, and a cause takes so small a
+        `share`, so unsurely, that it may tell what these know of the error: more than its past
+        does, where the controller has a sensor of its own."""
+        return channel in self.echoing and share < _DROWNED and statistic < _ECHOED
 
     def drowns(self, channel: str, share: float, hides_small: bool = False) -> bool:
         """Whether most of what is left of a channel is a load that a controller answers, beside
