@@ -176,6 +176,16 @@ def soft_limits(upper: float, lower: float, corner: float) -> Cause:
     return Cause(rows=bent)
 
 
+def late_limits(upper: float, lower: float, corner: float) -> Cause:
+    """Limits of what follows the command late."""
+
+    def bent(z):
+        size = z / (upper if z > 0.0 else lower)
+        return z / (1.0 + size ** (1.0 / corner)) ** corner
+
+    return Cause(between=lambda: bent)
+
+
 def stops(upper: float, lower: float) -> Cause:
     return Cause(measured=lambda y, d: np.clip(y, lower, upper))
 

@@ -106,6 +106,12 @@ CASES = {
     "RoundSaturation corner": Case(
         plain.soft_limits(2.6, -2.9, 0.27), (1 / 2.6, 1 / 2.9, 0.27), within=(WITHIN, WITHIN, 0.1)
     ),
+    "LateSaturation late": Case(
+        plain.late_limits(2.6, -2.9, 0.15),
+        (1 / 2.6, 1 / 2.9, 0.15, FIRST),
+        within=(WITHIN, WITHIN, 0.1, 0.1),
+        second_order="alone",
+    ),
     "TransportDelay": Case(plain.delay(0.087), (0.087,), second_order=True),
     "RateLimit command": Case(plain.ramp(9.0, 7.0), (1 / 9.0, 1 / 7.0)),
     "Resonance": Case(plain.mode(2.3, 0.07, 0.33), (2.3, 0.07, 0.33, 0.0)),

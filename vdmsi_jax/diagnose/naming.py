@@ -36,6 +36,7 @@ _FORMS = {
     ("at", "load"): "of the response, which a load pulls back",
     ("at", "inertia"): "of the response, whose load coasts on",
     ("at", "between"): "before the last lag, with which the response follows",
+    ("at", "late"): "of what follows the command late",
     ("at", "spool"): "of what follows the command late, as a valve's spool",
     ("by", "sign"): "alike to both sides",
     ("by", "skew"): "to one side",

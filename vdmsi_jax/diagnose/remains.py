@@ -37,18 +37,21 @@ _PLAYED = (
 )
 _BY_STATES = 0.15  # share of a channel's error, that some function of states takes beside a cause
 # that stands in for it: beside right names up to 0.12, beside wrong ones 0.06 to 0.27
-_BY_TURNS = 0.1  # likewise a hysteresis: beside wrong names 0.14 and 0.19, beside no right one
+_MOSTLY_BY_STATES = 0.06, 0.4  # the same of one that sticks, where that is so much of what is left
+# of it: beside right names up to 0.04 and 0.25, beside wrong ones from 0.094 and 0.45
+_BY_TURNS = 0.05  # likewise a hysteresis: beside wrong names from 0.096, beside no right one
 _BY_PACE, _BY_MEMORY = 0.01, 0.01  # likewise these: beside wrong names from 0.02 and 0.014,
 # beside one right name of 1500 alone, 0.002
 _BENDS = ("gain_nonlinearity", "saturation", "gain_asymmetry", "drag")
 _OF_STATES = (*_BENDS, "rate_limit", "dead_zone", "coulomb_friction", "backlash")
 _WORN = (*_BENDS, "offset", "gain_drift", "regime_change")
 _FREER = (
-    (OF_STATES, _OF_STATES, _BY_STATES),
-    (HYSTERESIS, STICKING, _BY_TURNS),
-    (PACE, (*_BENDS, "rate_limit"), _BY_PACE),
-    (MEMORY, _WORN, _BY_MEMORY),
-)  # kinds of error, causes that may be a part of such, and the least share
+    (OF_STATES, (*_OF_STATES, "periodic_disturbance"), _BY_STATES, 0.0),
+    (OF_STATES, STICKING, *_MOSTLY_BY_STATES),
+    (HYSTERESIS, STICKING, _BY_TURNS, 0.0),
+    (PACE, (*_BENDS, "rate_limit"), _BY_PACE, 0.0),
+    (MEMORY, _WORN, _BY_MEMORY, 0.0),
+)  # kinds of error, causes that may be a part of such, and the least share, and of what is left
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,9 +106,9 @@ class Remains:
     def outdoes(self, cause: str, channel: str, share: float) -> bool:
         """Whether a kind of error takes so much more of a channel's beside a cause of that kind,
         that this, which takes a `share`, is but a part of what the library lacks."""
-        for kind, causes, least in _FREER:
-            by_kind = _largest(u for u in self.found if u.kind == kind)
-            if cause in causes and by_kind.get(channel, 0.0) * (1.0 - share) > least:
+        for kind, causes, least, most in _FREER:
+            by_kind = _largest(u for u in self.found if u.kind == kind).get(channel, 0.0)
+            if cause in causes and by_kind > most and by_kind * (1.0 - share) > least:
                 return True
         return False
 

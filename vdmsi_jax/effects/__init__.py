@@ -33,7 +33,7 @@ from vdmsi_jax.effects.rate_limit import RateLimit
 from vdmsi_jax.effects.regime_change import RegimeChange
 from vdmsi_jax.effects.resonance import Resonance
 from vdmsi_jax.effects.road_grade import RoadGrade
-from vdmsi_jax.effects.saturation import EndStop, RoundSaturation, Saturation
+from vdmsi_jax.effects.saturation import EndStop, LateSaturation, RoundSaturation, Saturation
 from vdmsi_jax.effects.sensor import SensorBias, SensorDelay, SensorLag
 from vdmsi_jax.effects.speed_dependent_gain import SpeedDependentGain
 from vdmsi_jax.effects.speed_scale import SpeedScale
@@ -67,6 +67,7 @@ ACTUATOR: tuple[AbstractEffect, ...] = (
     Backlash(at="command"),
     Saturation(at="command"),
     RoundSaturation(),
+    LateSaturation(),
     TransportDelay(),
     RateLimit(at="command"),
     Resonance(),

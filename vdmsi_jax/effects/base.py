@@ -57,6 +57,10 @@ class Signals(eqx.Module):
     before: Float[Array, ""] | None = None
     begun: Float[Array, "*runs 1"] = eqx.field(default_factory=lambda: jnp.zeros(1))
 
+    def earlier(self, u: Float[Array, " M"]) -> Float[Array, ""]:
+        """The command that acted before the first of `u`."""
+        return u[0] if self.before is None else self.before
+
     def clock(self, over: str) -> Float[Array, "*runs N"]:
         """Time by which a change is told, s: of the `session`, or of a run."""
         return self.t + self.begun if over == "session" else self.t
@@ -304,6 +308,40 @@ def before_lag(y: Float[Array, " M"], span: Float[ArrayLike, ""]) -> Float[Array
         span: time constant over the time between values. Exactly `y` where it is zero.
     """
     return y + span * jnp.diff(y, prepend=y[:1])
+
+
+def moved(
+    u: Float[Array, " M"], span: Float[Array, ""], first: Float[Array, ""]
+) -> Float[Array, " M"]:
+    """What a first-order lag has made of a held signal by the end of each sub-step, exactly.
+
+    Args:
+        u: the signal.
+        span: time constant over the length of a sub-step. Exactly `u` where it is zero.
+        first: what it had made of it before.
+    """
+    keep = _kept(span)
+
+    def follow(last: Array, now: Array) -> tuple[Array, Array]:
+        new = now + keep * (last - now)
+        return new, new
+
+    return lax.scan(follow, first, u)[1]
+
+
+def mover(
+    x: Float[Array, " M"], span: Float[Array, ""], first: Float[Array, ""]
+) -> Float[Array, " M"]:
+    """The held signal of which a first-order lag makes `x` by the end of each sub-step: the inverse
+    of `moved`, and as exact."""
+    keep = _kept(span)
+    return x + keep / (1.0 - keep) * jnp.diff(x, prepend=first[None])
+
+
+def _kept(span: Float[Array, ""]) -> Float[Array, ""]:
+    """Share that a lag keeps of what it was a sub-step before."""
+    smears = span > 1e-3
+    return jnp.where(smears, jnp.exp(-1.0 / jnp.where(smears, span, 1.0)), 0.0)
 
 
 def first_order(y: Float[Array, " M"], steps: Float[Array, " M"]) -> Float[Array, " M"]:

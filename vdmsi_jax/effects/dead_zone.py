@@ -3,10 +3,9 @@
 from typing import ClassVar, Literal
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from vdmsi_jax.effects.base import AbstractEffect, Scales, Signals, before_lag, lag, within
+from vdmsi_jax.effects.base import AbstractEffect, Scales, Signals, moved, mover, within
 from vdmsi_jax.parameters import parameter
 
 
@@ -59,6 +58,6 @@ class LateDeadZone(AbstractEffect):
         return [(k * largest, lag) for k in (0.06, 0.15, 0.3) for lag in lags]
 
     def held(self, u: Float[Array, " M"], signals: Signals) -> Float[Array, " M"]:
-        span = self.before / signals.h
-        kept = within(lag(u, jnp.full_like(u, span)), self.half_width)
-        return u - before_lag(kept, span)
+        span, first = self.before / signals.h, signals.earlier(u)
+        kept = within(moved(u, span, first), self.half_width)
+        return u - mover(kept, span, within(first, self.half_width))

@@ -67,4 +67,4 @@ class RateLimit(AbstractEffect):
             now = jnp.where(limit > 1.0, before + step / limit, u)
             return now, now
 
-        return lax.scan(follow, u[0] if signals.before is None else signals.before, u)[1]
+        return lax.scan(follow, signals.earlier(u), u)[1]

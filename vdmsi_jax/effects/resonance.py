@@ -43,6 +43,6 @@ class Resonance(AbstractEffect):
             now = (u + stay * away + sine * dq, -sine * away + (cosine - self.damping * sine) * dq)
             return now, 0.5 * (self.share * (q + now[0]) + self.lead * (dq + now[1]))
 
-        first = u[0] if signals.before is None else signals.before
+        first = signals.earlier(u)
         mode = lax.scan(swing, (first, jnp.zeros_like(first)), u)[1]
         return (1.0 - self.share) * u + mode
