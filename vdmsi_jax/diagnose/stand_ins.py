@@ -20,6 +20,7 @@ from .runs import Runs
 from .stage import Stage
 from .unexplained import PUZZLING
 
+_LEVEL = 0.5  # of what an offset gains, which no kind tells, since a plant has it anyway
 _STILL = 0.3  # of what a cause does to a response, that it does at rest at the least
 
 
@@ -33,7 +34,8 @@ def stand_ins(
         for finding in own.findings:
             cause = stage.slots[finding.number].cause
             kinds = weighed(*by_name(asked(spec, stage, own.without(finding).y, evenly)))
-            better = better_than(cause, finding.gain, kinds)
+            worth = finding.gain * (_LEVEL if cause == "offset" else 1.0)
+            better = better_than(cause, worth, kinds)
             if better is not None:
                 found.append((finding, _instead(spec.output, cause, better)))
             elif pace := _pace(own, finding):
