@@ -246,6 +246,25 @@ def test_a_limit_that_is_never_reached_is_not_told():
     assert finding.parameters["upper"].value == pytest.approx(0.6, rel=0.02)
 
 
+def test_a_limit_between_two_lags_is_no_bend():
+    """A pump's flow cannot pass 2.4, which a rotor drives and a meter tells: both follow late."""
+    h, plant, made = 0.001, vj.PlantSpec("pump", "u", "y"), []
+    for run in range(2):
+        rng = np.random.default_rng(run)
+        u, rotor, meter, y = np.repeat(rng.uniform(0.3, 4.0, 40), 75), 1.0, 1.0, []
+        for command in u:
+            y.append(meter)
+            for _ in range(20):
+                rotor += h / 0.35 * (command - rotor)
+                meter += h / 0.12 * (rotor / (1.0 + (rotor / 2.4) ** 8) ** 0.125 - meter)
+        y = np.asarray(y) + 0.01 * rng.standard_normal(u.size)
+        made.append(vj.Record.from_arrays(dt=0.02, name=f"{run}", plants=(plant,), u=u, y=y))
+    (finding,) = vj.diagnose(made).findings
+    assert finding.cause == "saturation" and finding.form == "of what follows the command late"
+    assert finding.parameters["upper"].value == pytest.approx(2.4, rel=0.03)
+    assert finding.parameters["before"].value == pytest.approx(0.35, rel=0.1)
+
+
 def test_a_pole_that_is_too_fast_to_see_changes_no_free_response():
     slow = free_response(np.poly([-2.0, -1.5 + 3.0j, -1.5 - 3.0j]), 0.01, 600)
     fast = free_response(np.poly([-2.0, -1.5 + 3.0j, -1.5 - 3.0j, -4000.0]), 0.01, 600)

@@ -38,7 +38,17 @@ def signal(n=96):
 
 def test_these_are_all_ports():
     public = {name for name, _ in inspect.getmembers(AbstractEffect) if not name.startswith("_")}
-    told = {"cause", "shown_by", "weight", "ports", "remembers", "hides_small", "scaled", "probes"}
+    told = {
+        "cause",
+        "shown_by",
+        "weight",
+        "refines",
+        "ports",
+        "remembers",
+        "hides_small",
+        "scaled",
+        "probes",
+    }
     assert PORTS == {*ALONG, *BODY, "load", "effort"}
     assert public - told == PORTS | {"rested"}
 

@@ -56,11 +56,8 @@ _LOOPS = (0.08, 0.25)  # widths of plays that it remembers by, of the range
 _EACH = 15  # samples, at the least, for each weight
 _BETTER = (1.2, 20.0)  # times a cause's gain, and beyond, from which a kind tells it better
 _ELSE = (2.0, 0.3, 100.0)  # times what its own kind has, of a cause's gain, and at the least; and
-_ELSE_SHARE = (
-    0.3,
-    0.6,
-)  # of the error, more than that has, and at the least, from which on another
-# kind tells what the cause owes to none of its own: of 60 right names none had it
+_ELSE_SHARE = (0.3, 0.6)  # of the error, likewise, from which on a gain that remembers tells what
+# a cause owes to none of its own kind: of 60 right names none had it
 _OF_FORM = (0.5, 0.7)  # of the best statistic and its share, from which on a known kind is told
 
 STICKING = ("backlash", "coulomb_friction", "dead_zone")
@@ -299,16 +296,15 @@ def better_than(
     most = max([gain, *(f.statistic for f in own)])
     share = -np.inf if doubted else max((f.share for f in own), default=0.0)
     others = [f for f in named if f not in own and f.sure(share)]
-    better = [
-        f for f in others if f.statistic > times * most + beyond or _is_else(f, gain, own, doubted)
-    ]
+    better = [f for f in others if f.statistic > times * most + beyond or _is_memory(f, gain, own)]
     return max(better, key=lambda f: f.statistic, default=None)
 
 
-def _is_else(kind: Explained, gain: float, own: Sequence[Explained], doubted: bool) -> bool:
-    """Whether a kind tells an error so much better than the kinds of a cause do that the cause can
-    only gain by what else it does."""
-    if doubted or not own:
+def _is_memory(kind: Explained, gain: float, own: Sequence[Explained]) -> bool:
+    """Whether a gain that remembers tells an error so much better than the kinds of a cause do that
+    the cause can only gain by what else it does. No other kind: what limits a command changes how
+    fast a response moves as well."""
+    if kind.family.words != MEMORY or not own:
         return False
     times, part, least = _ELSE
     more, much = _ELSE_SHARE

@@ -178,13 +178,15 @@ def _by_cause(stage: Stage, fits: Sequence[Refit], kept: set[int]) -> dict[int, 
 
 def _may_bend(stage: Stage, fit: Refit, number: int, lacks: float) -> bool:
     """Whether a limit with a round corner may be a bend that lacks so much: the corner alone is
-    one, where no command goes beyond it, and where it is wide the limit is no formula of either."""
+    one, where no command goes beyond it, and where it is wide the limit is no formula of either. Of
+    what follows the command late, which no form of a bend does, a bend may lack anything."""
     slot, u = stage.slots[number], stage.u[stage.mask]
-    if slot.cause != "saturation" or getattr(slot.effect, "at", "") != "corner":
+    if slot.cause != "saturation" or "corner" not in slot.names:
         return False
-    upper, lower, corner = fit.hypothesis.theta[list(slot.index)]
-    beyond = max(u.max() * upper, -u.min() * lower) > 1.0
-    return bool(not beyond or (corner > _WIDE and lacks < _FAR))
+    values = dict(zip(slot.names, fit.hypothesis.theta[list(slot.index)], strict=True))
+    beyond = max(u.max() * values["upper"], -u.min() * values["lower"]) > 1.0
+    wide = values["corner"] > _WIDE and (lacks < _FAR or "before" in values)
+    return bool(not beyond or wide)
 
 
 def _near(cause: str, other: str, lacks: float, gain: float) -> bool:

@@ -53,7 +53,8 @@ class Candidate:
 
 def screen(stage: Stage, at: Refit, fine: bool = True) -> list[Candidate]:
     """All causes that are not on yet, by what they are predicted to explain, best first. Another
-    form of a cause that is on is none: each would be worth little beside the other.
+    form of a cause that is on is none: each would be worth little beside the other; nor is one that
+    `refines` others.
 
     Args:
         stage: the data.
@@ -67,7 +68,7 @@ def screen(stage: Stage, at: Refit, fine: bool = True) -> list[Candidate]:
     on = {(stage.slots[k].cause, stage.slots[k].where) for k in at.hypothesis.active}
     for number in stage.allowed:
         slot = stage.slots[number]
-        if (slot.cause, slot.where) in on:
+        if (slot.cause, slot.where) in on or slot.effect.refines:
             continue
         options = [(probe, at.hypothesis.swing) for probe in slot.effect.probes(stage.scales)]
         if slot.cause == "quantization":

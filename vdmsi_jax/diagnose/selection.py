@@ -21,6 +21,7 @@ from .starts import (
     mirrored,
     nested,
     pulled_back,
+    refined,
     ringing,
     scanned,
     stuck,
@@ -35,6 +36,7 @@ _ALL_POLE = ((2, 0), (3, 0))
 _MOST_CAUSES = 4
 _PROGRESS = 0.5  # of the score by a model beside a cause, below which nothing has got better
 _STEADY = 1.5  # standard errors over blocks that a second cause must be likelier by
+_FINER = 4  # starts of finer forms that are refitted
 _GROWS, _GROWN = 50.0, 3  # what a cause in a small plant must gain for larger ones to be tried with
 # it, and how many causes or forms are
 _REACH = 60.0  # that a candidate may lie behind the best after a few steps
@@ -105,7 +107,7 @@ def _next(
     lost = backward(now.hypothesis).size > 0  # zeros that tell a delay better at first
     for h in (h for order in _SMALL for h in late(stage, now, order)):
         (patient if lost or _waits(stage, h) else starts).append(h)
-    starts += pulled_back(stage, now)
+    starts += pulled_back(stage, now) + closest(stage, refined(stage, now), _FINER)
     starts += [h for f in aside for h in _beside(stage, f, score(stage, now))]
     patient += [h for f in aside if backward(f.hypothesis).size for h in _waiting(stage, f)]
     if not named:

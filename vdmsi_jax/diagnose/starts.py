@@ -245,6 +245,23 @@ def pulled_back(stage: Stage, now: Refit) -> list[Hypothesis]:
     return made
 
 
+def refined(stage: Stage, now: Refit) -> list[Hypothesis]:
+    """Finer forms in the place of causes that they refine."""
+    h, made = now.hypothesis, []
+    for number in stage.allowed:
+        slot = stage.slots[number]
+        for other in h.active:
+            if number in h.active or stage.slots[other].cause not in slot.effect.refines:
+                continue
+            for probe in slot.effect.probes(stage.scales):
+                theta = h.theta.copy()
+                theta[list(stage.slots[other].index)] = stage.off[list(stage.slots[other].index)]
+                theta[list(slot.index)] = probe
+                active = tuple(sorted({*h.active, number} - {other}))
+                made.append(replace(h, active=active, theta=theta))
+    return made
+
+
 def hilly(stage: Stage, h: Hypothesis) -> list[Hypothesis]:
     """The same with hills, next to level ones, where there may be any."""
     number = number_of(stage, "road_grade")

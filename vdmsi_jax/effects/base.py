@@ -167,11 +167,14 @@ class AbstractEffect(eqx.Module):
         weight: how many parameters it counts as in a comparison, where that is not as many as it
             has: more of a cause whose place in time or frequency is searched over, which fits noise
             more easily, less where some of them hardly ever matter.
+        refines: causes in whose place it is tried once they are found, being a finer form of one of
+            them; where there are none it is looked for by itself.
     """
 
     cause: ClassVar[str]
     shown_by: ClassVar[str]
     weight: ClassVar[float] = 0.0
+    refines: ClassVar[tuple[str, ...]] = ()
 
     @property
     def ports(self) -> frozenset[str]:

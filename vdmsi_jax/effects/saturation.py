@@ -97,6 +97,7 @@ class LateSaturation(AbstractEffect):
 
     cause: ClassVar[str] = "saturation"
     shown_by: ClassVar[str] = "large commands, held"
+    refines: ClassVar[tuple[str, ...]] = ("saturation", "gain_nonlinearity")
 
     upper: Float[Array, ""] = parameter(
         "1/command", "inverse of the upper limit", lower=0.0, shown="inverse"
