@@ -1,15 +1,13 @@
 """The elimination of causes that others, or poles, have made needless."""
 
 import math
-from collections.abc import Collection, Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
 from .baseline import best_of_each, order_of
 from .disguise import backward
-from .hypothesis import Hypothesis, Refit
-from .lanes import FIRST_CAUSE
+from .hypothesis import Hypothesis, Refit, without
 from .price import score
 from .refit import refit
 from .stage import Stage
@@ -77,21 +75,6 @@ def is_late(stage: Stage, late: Refit, poles: Refit, seen: Mapping[tuple, Refit]
     beyond = (f for f in seen.values() if set(f.hypothesis.active) == active)
     larger = (f.loglik for f in beyond if f.hypothesis.size(stage) == own + 1)
     return lead > _LIKELIEST and late.loglik > max(larger, default=-math.inf)
-
-
-def without(stage: Stage, h: Hypothesis, number: int) -> Hypothesis:
-    kept = tuple(k for k in h.active if k != number)
-    return replace(h, active=kept, theta=cleared(stage, h, kept))
-
-
-def cleared(stage: Stage, h: Hypothesis, keep: Iterable[int] = ()) -> np.ndarray:
-    """The vector with all causes off but those to keep."""
-    theta = stage.off.copy()
-    theta[:FIRST_CAUSE] = h.theta[:FIRST_CAUSE]
-    for number in keep:
-        index = list(stage.slots[number].index)
-        theta[index] = h.theta[index]
-    return theta
 
 
 def rings(

@@ -1,7 +1,7 @@
 """Hypotheses about a plant: what they answer, and what is left of the measurement under them, white
 and with the best free states taken out."""
 
-from collections.abc import Sequence, Set
+from collections.abc import Iterable, Sequence, Set
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,7 +10,7 @@ from jaxtyping import Float
 from . import swing
 from .colour import whiten
 from .free_response import begun, mode
-from .lanes import FEED, LEADS, POLES
+from .lanes import FEED, FIRST_CAUSE, LEADS, POLES
 from .stage import Stage
 
 _STEP = 1e-4  # of a parameter's usual size, for differences
@@ -288,3 +288,19 @@ def free_states(stage: Stage, lane: Lane) -> Float[np.ndarray, "R n"]:
     f = lane.white_states * stage.mask[:, None]
     toward = f @ lane.white_error[..., None]
     return np.linalg.solve(f @ np.swapaxes(f, 1, 2) + prior, toward)[..., 0]
+
+
+def without(stage: Stage, h: Hypothesis, number: int) -> Hypothesis:
+    """The same with one cause off."""
+    kept = tuple(k for k in h.active if k != number)
+    return replace(h, active=kept, theta=cleared(stage, h, kept))
+
+
+def cleared(stage: Stage, h: Hypothesis, keep: Iterable[int] = ()) -> np.ndarray:
+    """The vector with all causes off but those to keep."""
+    theta = stage.off.copy()
+    theta[:FIRST_CAUSE] = h.theta[:FIRST_CAUSE]
+    for number in keep:
+        index = list(stage.slots[number].index)
+        theta[index] = h.theta[index]
+    return theta

@@ -6,9 +6,8 @@ from dataclasses import replace
 from . import swing
 from .baseline import order_of
 from .disguise import all_pole, backward, stilled
-from .elimination import without
 from .found import Finding
-from .hypothesis import Hypothesis, Refit
+from .hypothesis import Hypothesis, Refit, without
 from .outcome import steadiness
 from .price import lack, score
 from .refit import refit

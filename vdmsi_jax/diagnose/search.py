@@ -12,10 +12,10 @@ from . import swing
 from .baseline import baselines, order_of
 from .disguise import stilled
 from .disturbance import IMITATORS
-from .elimination import cleared, eliminate, rings_rather
+from .elimination import eliminate, rings_rather
 from .feedback import is_answered
 from .found import FEW, Failed, Finding, Search
-from .hypothesis import Refit
+from .hypothesis import Refit, cleared
 from .judge import Scored, confirmed, gain_of
 from .noise import BriefNoise, OwnNoise
 from .outcome import completed

@@ -8,10 +8,9 @@ import numpy as np
 from ..config import PlantSpec
 from .body import CAUSES
 from .body_search import BodyFinding, BodySearch
-from .elimination import without
 from .families import BY_DIRECTION, PACE, Explained, better_than, weighed
 from .found import Finding, Search
-from .hypothesis import Refit, responses
+from .hypothesis import Refit, responses, without
 from .judge import Scored
 from .lanes import LEADS
 from .questions import asked, asked_of_body, by_name, evenly_of

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..effects import AbstractEffect, Scales
-from .hypothesis import Hypothesis, Refit
+from .hypothesis import Hypothesis, Refit, without
 from .lanes import FEED, NUMERATOR, POLES
 from .stage import Stage
 
@@ -238,10 +238,7 @@ def pulled_back(stage: Stage, now: Refit) -> list[Hypothesis]:
             continue
         if any(own.cause == slot.cause for own in active):
             continue
-        for probe in slot.effect.probes(stage.scales):
-            theta = h.theta.copy()
-            theta[list(slot.index)] = probe
-            made.append(replace(h, active=tuple(sorted((*h.active, number))), theta=theta))
+        made += [added(stage, h, number, p) for p in slot.effect.probes(stage.scales)]
     return made
 
 
@@ -253,12 +250,8 @@ def refined(stage: Stage, now: Refit) -> list[Hypothesis]:
         for other in h.active:
             if number in h.active or stage.slots[other].cause not in slot.effect.refines:
                 continue
-            for probe in slot.effect.probes(stage.scales):
-                theta = h.theta.copy()
-                theta[list(stage.slots[other].index)] = stage.off[list(stage.slots[other].index)]
-                theta[list(slot.index)] = probe
-                active = tuple(sorted({*h.active, number} - {other}))
-                made.append(replace(h, active=active, theta=theta))
+            bare = without(stage, h, other)
+            made += [added(stage, bare, number, p) for p in slot.effect.probes(stage.scales)]
     return made
 
 

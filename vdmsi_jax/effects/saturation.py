@@ -58,13 +58,9 @@ class Saturation(AbstractEffect):
         return self._limited(y)
 
 
-class RoundSaturation(AbstractEffect):
-    """Limits on the command that are approached by a round corner, as a magnetic circuit's or a
-    smooth governor's: `u / (1 + |u / limit|^(1/corner))^corner`.
-
-    Attributes:
-        at: what is limited.
-    """
+class AbstractRoundLimits(AbstractEffect):
+    """Limits with a round corner, as a magnetic circuit's or a smooth governor's: `u / (1 + |u /
+    limit|^(1/corner))^corner`."""
 
     cause: ClassVar[str] = "saturation"
     shown_by: ClassVar[str] = "large commands, held"
@@ -76,6 +72,23 @@ class RoundSaturation(AbstractEffect):
         "1/command", "inverse of the lower limit's size", lower=0.0, shown="inverse"
     )
     corner: Float[Array, ""] = parameter("1", "how round it is", lower=0.0, upper=_ROUNDEST)
+
+    def _limited(self, u: Float[Array, "*n"]) -> Float[Array, "*n"]:
+        size = jnp.maximum(u * self.upper, -u * self.lower)
+        near = jnp.maximum(jnp.minimum(size, 1.0 / jnp.maximum(size, 1e-12)), 1e-12)
+        corner = jnp.where(self.corner > 1e-3, self.corner, 1.0)
+        rounding = jnp.exp(corner * jnp.log1p(jnp.exp(jnp.log(near) / corner)))
+        on = (self.corner > 1e-3) & (size > 1e-9)
+        return u / (jnp.maximum(1.0, size) * jnp.where(on, rounding, 1.0))
+
+
+class RoundSaturation(AbstractRoundLimits):
+    """Limits on the command that are approached by a round corner.
+
+    Attributes:
+        at: what is limited.
+    """
+
     at: Literal["corner"] = eqx.field(static=True, default="corner")
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
@@ -83,10 +96,10 @@ class RoundSaturation(AbstractEffect):
         return [(*limit, corner) for limit in limits[::2] for corner in (0.12, 0.35)]
 
     def command(self, u: Float[Array, " N"], signals: Signals) -> Float[Array, " N"]:
-        return _rounded(u, self)
+        return self._limited(u)
 
 
-class LateSaturation(AbstractEffect):
+class LateSaturation(AbstractRoundLimits):
     """Limits behind the first lag of an actuator, as of a pump that cavitates behind its rotor,
     with a sharp corner or a round one. The dynamics are as a whole those of the plant; what the
     limits cut is missing in the command, told ahead of the lag.
@@ -95,17 +108,8 @@ class LateSaturation(AbstractEffect):
         at: what is limited.
     """
 
-    cause: ClassVar[str] = "saturation"
-    shown_by: ClassVar[str] = "large commands, held"
     refines: ClassVar[tuple[str, ...]] = ("saturation", "gain_nonlinearity")
 
-    upper: Float[Array, ""] = parameter(
-        "1/command", "inverse of the upper limit", lower=0.0, shown="inverse"
-    )
-    lower: Float[Array, ""] = parameter(
-        "1/command", "inverse of the lower limit's size", lower=0.0, shown="inverse"
-    )
-    corner: Float[Array, ""] = parameter("1", "how round it is", lower=0.0, upper=_ROUNDEST)
     before: Float[Array, ""] = parameter("s", "time constant of what comes before", lower=0.0)
     at: Literal["late"] = eqx.field(static=True, default="late")
 
@@ -117,8 +121,7 @@ class LateSaturation(AbstractEffect):
     def held(self, u: Float[Array, " M"], signals: Signals) -> Float[Array, " M"]:
         span, first = self.before / signals.h, signals.earlier(u)
         late = moved(u, span, first)
-        cut = late - _rounded(late, self)
-        return u - mover(cut, span, first - _rounded(first, self))
+        return u - mover(late - self._limited(late), span, first - self._limited(first))
 
 
 class EndStop(AbstractEffect):
@@ -157,12 +160,3 @@ class EndStop(AbstractEffect):
             return jnp.where(over > 0.0, over / jnp.where(over > 0.0, limit, 1.0), 0.0)
 
         return (beyond(self.upper, then) - beyond(self.lower, -then)) / (2.0 * at.h * at.gain)
-
-
-def _rounded(u: Float[Array, "*n"], to: RoundSaturation | LateSaturation) -> Float[Array, "*n"]:
-    size = jnp.maximum(u * to.upper, -u * to.lower)
-    near = jnp.maximum(jnp.minimum(size, 1.0 / jnp.maximum(size, 1e-12)), 1e-12)
-    corner = jnp.where(to.corner > 1e-3, to.corner, 1.0)
-    rounding = jnp.exp(corner * jnp.log1p(jnp.exp(jnp.log(near) / corner)))
-    on = (to.corner > 1e-3) & (size > 1e-9)
-    return u / (jnp.maximum(1.0, size) * jnp.where(on, rounding, 1.0))
