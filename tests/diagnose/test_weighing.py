@@ -8,6 +8,7 @@ import pytest
 import made_up_diagnosis
 from vdmsi_jax.config import PlantSpec
 from vdmsi_jax.data.record import Record, Segment
+from vdmsi_jax.diagnose.found import Finding as PlantFinding
 from vdmsi_jax.diagnose.found import Search
 from vdmsi_jax.diagnose.judge import Trial
 from vdmsi_jax.diagnose.leftover import only_where_judged
@@ -383,6 +384,38 @@ def test_a_cause_without_a_size_is_minor_whatever_it_takes(cause, size, std, min
     told = replace(told, cause=cause, parameters=seen)
     why = WEIGHING.why_minor(named_so, trial, told, 0.0, 0.0, False, [(named_so, trial)])
     assert ("standard error" in why) is minor and bool(why) is minor
+
+
+@pytest.mark.parametrize(
+    ("se", "puzzle", "minor"), [(0.35, 0.0, False), (1.0, 0.0, True), (0.35, 0.05, True)]
+)
+def test_a_cause_that_surely_pays_needs_no_sure_size_beside_no_structure(
+    se, puzzle, minor, monkeypatch
+):
+    """Drag of a cart, of which poles take over so much that each parameter may be nothing."""
+    drag = named("drag")
+    trial, told = judged(drag, 92.5, 94.3)
+    trial = replace(trial, gain=replace(trial.gain, se=se))
+    sizes = {"quadratic": Estimate(0.031, 0.026, "1/m"), "rolling": Estimate(0.02, 0.035, "m/s^2")}
+    monkeypatch.setattr(Search, "away", lambda own, found: (np.array([1.2, 0.6]), 1.5))
+    drag = replace(drag, finding=object.__new__(PlantFinding))
+    told = replace(told, cause="drag", share=0.42, parameters=sizes)
+    why = WEIGHING.why_minor(drag, trial, told, puzzle, 0.0, False, [(drag, trial)])
+    assert ("standard error" in why) is minor and bool(why) is minor
+
+
+@pytest.mark.parametrize(
+    ("share", "statistic", "after", "minor"),
+    [(0.24, 66.0, 1.4, True), (0.45, 66.0, 1.4, False), (0.24, 260.0, 1.4, False),
+     (0.24, 66.0, 0.8, False), (0.24, 66.0, None, False)],
+)  # fmt: skip
+def test_a_faint_cause_that_makes_the_path_much_worse_is_minor(share, statistic, after, minor):
+    bend = named("gain_nonlinearity")
+    trial, told = judged(bend, 90.0, 92.0)
+    own = replace(told.gain, ate_before=0.6, ate_after=after)
+    told = replace(told, share=share, statistic=statistic, gain=own)
+    why = WEIGHING.why_minor(bend, trial, told, 0.0, 0.0, False, [(bend, trial)])
+    assert ("path" in why) is minor and bool(why) is minor
 
 
 def test_of_what_only_brief_noise_shows_little_mends_what_takes_more():

@@ -38,6 +38,7 @@ from .unexplained import (
 
 _STEP = 0.1  # by which what repeats with the place may differ from the step of a rounding
 _LOUD = 100.0  # of twice the log-likelihood, from which a cause that fails on other data is told
+_LOUD_ECHO = 300.0  # the same where a controller makes the commands, which know of the error
 _SEEN = 0.005  # of the squared error, from which on it is
 _ANOTHER = (
     2.5  # times the slow error on data fitted, from which on data held out are of another kind
@@ -58,12 +59,14 @@ def leftover(
     searches: Mapping[PlantSpec, Search],
     bodily: BodySearch | None,
     loops: Collection[str],
+    echoing: Collection[str],
 ) -> list[Unexplained]:
     """What the final models leave in the responses of the plants, of which a controller answers
-    those of `loops`, and in the yaw rate."""
+    those of `loops` and makes the commands of those that are `echoing`, and in the yaw rate."""
     found = []
     for spec, own in searches.items():
-        found += _of_stage(runs, spec, own, spec.output in loops)
+        loud = _LOUD_ECHO if spec.output in echoing else _LOUD
+        found += _of_stage(runs, spec, own, spec.output in loops, loud)
     if bodily is not None:
         found += _of_body(runs, bodily) + jumps_of_pose(runs.begins, bodily)
         found += _of_compass(runs, bodily)
@@ -115,7 +118,9 @@ def _broken(label: str, channel: str, fraction: float, size: float = math.inf) -
     return replace(left, size=size) if size < SMALL else left
 
 
-def _of_stage(runs: Runs, spec: PlantSpec, own: Search, loaded: bool) -> list[Unexplained]:
+def _of_stage(
+    runs: Runs, spec: PlantSpec, own: Search, loaded: bool, loud: float
+) -> list[Unexplained]:
     stage, final = own.stage, own.final
     e = np.where(stage.mask | stage.held_out, stage.y - final.y, 0.0)
     evenly = evenly_of(runs, spec)
@@ -149,7 +154,7 @@ def _of_stage(runs: Runs, spec: PlantSpec, own: Search, loaded: bool) -> list[Un
         fraction = took(stage, failed.finding, failed.final)
         if slot.cause in drawn or slot.cause in causes:  # of which another form is borne out
             continue
-        if slot.weight < FREE and failed.finding.gain > _LOUD and fraction > _SEEN:
+        if slot.weight < FREE and failed.finding.gain > loud and fraction > _SEEN:
             size = math.sqrt(fraction * failed.finding.less.error(stage))
             told = fraction, size / extent(stage.y[stage.mask])
             broken[label] = max(broken.get(label, (0.0, 0.0)), told)

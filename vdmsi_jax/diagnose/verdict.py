@@ -321,7 +321,7 @@ def _lost(cause: Named, found: Finding, remains: Remains, channel: str, share: f
         return "a kind of error that has no name here explains it better"
     if remains.drowns(channel, found.share, cause.hides_small):
         return "a load that a controller answers is much larger"
-    if remains.echoes(channel, found.share, found.statistic):
+    if remains.echoes(channel, found.share, found.statistic, cause.hides_small):
         return "a controller makes the commands, which may know what else is wrong"
     if cause.where == "sensor" and cause.channel in remains.dropping:
         return "its sensor drops out"

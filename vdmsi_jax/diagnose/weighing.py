@@ -37,8 +37,15 @@ _SLIGHT, _SLIGHT_POINTS = 60.0, 0.3  # twice the log-likelihood and FIT, below w
 _WEAK, _STRONG = 0.05, 0.5  # shares: below the first beside one above the second a cause is minor,
 _FAINT = 100.0  # and below twice the first, where twice its log-likelihood is below this
 _DOUBTFUL = 0.05  # share of a cause that makes the path no better, below which it is minor
+_SPOILING, _MUCH_WORSE = (
+    0.3,
+    1.5,
+)  # share, and times of the path's error with it, that a cause makes
+# path worse: of four exams right names that do had shares from 0.45
 _NOTHING = 0.5  # standard errors, below which a parameter is nothing, whatever it takes
 _CLEAR, _FEW = 2.0, 3  # standard errors, below which a parameter may be nothing; of so many
+_SURE = 2.5  # standard errors of the gain in FIT held out, from which on a cause is one beside no
+# structure: poles and zeros may take over so much of its size that it is lost all the same
 _PUZZLE = 0.1  # share of the error without a cause that must puzzle beside it, to doubt its name
 _AGING = frozenset({"gain_drift", "regime_change"})
 _CHANGED = 4.5  # standard errors of these, below which they are minor beside a steady slow error:
@@ -150,7 +157,8 @@ class Weighing:
             return "poles and zeros tell it as well"
         # the share of a delay is told against a plant without zeros, and says less
         doubted = share < _STRONG or cause.cause == "transport_delay"
-        if (doubted and _vague(cause, found)) or _sizeless(found):
+        pays = trial.gain.sureness > _SURE and max(puzzle, disturbance) == 0.0
+        if (doubted and not pays and _vague(cause, found)) or _sizeless(found):
             return "its size is lost in its standard error"
         brief = share < _TAKEN and _by_brief_noise(cause) and self._beside(cause, trials)
         if brief or self._mends(cause, trial.gain, trials, leads):
@@ -161,6 +169,8 @@ class Weighing:
             return "it is the level at which the plant rests"
         if self._negligible(found):
             return "so much of it every vehicle, plant or bus has"
+        if _spoils(found):
+            return "the path gets much worse with it"
         return ""
 
     def _little(self, cause: Named, trial: Trial, found: Finding, leads: bool) -> bool:
@@ -325,6 +335,15 @@ def _shorter(gain: Gain) -> bool:
     if gain.ate_before is None or gain.ate_after is None:
         return False
     return gain.ate_after < (1.0 - _DOUBTFUL) * gain.ate_before
+
+
+def _spoils(found: Finding) -> bool:
+    """Whether a faint cause makes the error of the path so much larger that it tells it wrongly."""
+    before, after = found.gain.ate_before, found.gain.ate_after
+    if before is None or after is None:
+        return False
+    faint = found.share < _SPOILING and found.statistic < _FAINT
+    return faint and after > _MUCH_WORSE * before
 
 
 def _sizeless(found: Finding) -> bool:

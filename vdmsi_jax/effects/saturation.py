@@ -10,6 +10,7 @@ from vdmsi_jax.effects.base import AbstractEffect, Effort, Scales, Signals, move
 from vdmsi_jax.parameters import parameter
 
 _ROUNDEST = 0.5
+_ROUNDEST_LATE = 0.3  # rounder ones with a lag of seconds pose for a gain that remembers
 _SHARES = (0.97, 0.9, 0.75, 0.55, 0.35, 0.2)  # of the range, at which limits are tried
 
 
@@ -110,6 +111,7 @@ class LateSaturation(AbstractRoundLimits):
 
     refines: ClassVar[tuple[str, ...]] = ("saturation", "gain_nonlinearity")
 
+    corner: Float[Array, ""] = parameter("1", "how round it is", lower=0.0, upper=_ROUNDEST_LATE)
     before: Float[Array, ""] = parameter("s", "time constant of what comes before", lower=0.0)
     at: Literal["late"] = eqx.field(static=True, default="late")
 
