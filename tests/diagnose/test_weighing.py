@@ -405,6 +405,19 @@ def test_a_cause_that_surely_pays_needs_no_sure_size_beside_no_structure(
 
 
 @pytest.mark.parametrize(
+    ("statistic", "first", "minor"),
+    [(85.0, "gain_nonlinearity", True), (850.0, "gain_nonlinearity", False),
+     (85.0, "backlash", False)],
+)  # fmt: skip
+def test_a_faint_bend_beside_another_mends_its_form(statistic, first, minor):
+    strong, weak = named(first), named("gain_asymmetry")
+    trials = [(strong, judged(strong, 93.7, 96.9)[0]), (weak, judged(weak, 96.5, 96.9)[0])]
+    told = replace(judged(weak, 96.5, 96.9)[1], statistic=statistic)
+    why = WEIGHING.why_minor(weak, trials[1][1], told, 0.0, 0.0, False, trials)
+    assert ("mend" in why) is minor and bool(why) is minor
+
+
+@pytest.mark.parametrize(
     ("share", "statistic", "after", "minor"),
     [(0.24, 66.0, 1.4, True), (0.45, 66.0, 1.4, False), (0.24, 260.0, 1.4, False),
      (0.24, 66.0, 0.8, False), (0.24, 66.0, None, False)],

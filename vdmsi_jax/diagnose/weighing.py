@@ -37,11 +37,8 @@ _SLIGHT, _SLIGHT_POINTS = 60.0, 0.3  # twice the log-likelihood and FIT, below w
 _WEAK, _STRONG = 0.05, 0.5  # shares: below the first beside one above the second a cause is minor,
 _FAINT = 100.0  # and below twice the first, where twice its log-likelihood is below this
 _DOUBTFUL = 0.05  # share of a cause that makes the path no better, below which it is minor
-_SPOILING, _MUCH_WORSE = (
-    0.3,
-    1.5,
-)  # share, and times of the path's error with it, that a cause makes
-# path worse: of four exams right names that do had shares from 0.45
+_LITTLE = 0.3  # share, below which one that is so faint mends a bend beside it, or spoils the path:
+_MUCH_WORSE = 1.5  # times of its error; of four exams right names that do had shares from 0.45
 _NOTHING = 0.5  # standard errors, below which a parameter is nothing, whatever it takes
 _CLEAR, _FEW = 2.0, 3  # standard errors, below which a parameter may be nothing; of so many
 _SURE = 2.5  # standard errors of the gain in FIT held out, from which on a cause is one beside no
@@ -161,7 +158,9 @@ class Weighing:
         if (doubted and not pays and _vague(cause, found)) or _sizeless(found):
             return "its size is lost in its standard error"
         brief = share < _TAKEN and _by_brief_noise(cause) and self._beside(cause, trials)
-        if brief or self._mends(cause, trial.gain, trials, leads):
+        bent = cause.cause in _BENDS and _faint(found)
+        bent = bent and self._beside(cause, [one for one in trials if one[0].cause in _BENDS])
+        if brief or bent or self._mends(cause, trial.gain, trials, leads):
             return "it may only mend the form of a cause beside it"
         if _of_a_bend(cause, trials):
             return "it is where the tangent of the bent characteristic meets zero"
@@ -337,13 +336,17 @@ def _shorter(gain: Gain) -> bool:
     return gain.ate_after < (1.0 - _DOUBTFUL) * gain.ate_before
 
 
+def _faint(found: Finding) -> bool:
+    """Whether a cause takes little, and that not surely."""
+    return found.share < _LITTLE and found.statistic < _FAINT
+
+
 def _spoils(found: Finding) -> bool:
     """Whether a faint cause makes the error of the path so much larger that it tells it wrongly."""
     before, after = found.gain.ate_before, found.gain.ate_after
     if before is None or after is None:
         return False
-    faint = found.share < _SPOILING and found.statistic < _FAINT
-    return faint and after > _MUCH_WORSE * before
+    return _faint(found) and after > _MUCH_WORSE * before
 
 
 def _sizeless(found: Finding) -> bool:
