@@ -10,7 +10,7 @@ from vdmsi_jax.config import PlantSpec
 from vdmsi_jax.data.record import Record
 from vdmsi_jax.diagnose.chain import bands, regress
 from vdmsi_jax.diagnose.disturbance import apart, demands, moving, scores
-from vdmsi_jax.diagnose.families import HYSTERESIS, MEMORY, OF_STATES, PACE
+from vdmsi_jax.diagnose.families import HYSTERESIS, MEMORY, OF_STATES, PACE, PACE_BY_OTHER
 from vdmsi_jax.diagnose.judge import Scored, Trial, confirmed, gain_of
 from vdmsi_jax.diagnose.leftover import _of_the_most
 from vdmsi_jax.diagnose.prepare import stage_of
@@ -75,6 +75,21 @@ def test_a_cause_stands_in_for_a_kind_that_takes_much_beside_it(kind, taken, sha
     asked = ("coulomb_friction", "rate_limit", "saturation", "offset", "transport_delay")
     assert {c for c in asked if remains.outdoes(c, "v", share)} == outdone
     assert not any(remains.outdoes(c, "delta", share) for c in asked)
+
+
+@pytest.mark.parametrize(
+    ("kind", "share", "cause", "lags"),
+    [
+        (PACE_BY_OTHER, 0.49, "tyre_relaxation", True),
+        (PACE, 0.49, "yaw_inertia", True),
+        (PACE_BY_OTHER, 0.2, "tyre_relaxation", False),
+        (PACE_BY_OTHER, 0.49, "understeer", False),
+        (MEMORY, 0.49, "tyre_relaxation", False),
+    ],
+)
+def test_an_actuator_whose_lag_changes_hides_that_of_the_body_it_moves(kind, share, cause, lags):
+    left = Unexplained("delta", share, ("the other command",), kind=kind, puzzling=True)
+    assert Remains((left,), ()).lags(cause) is lags
 
 
 def test_what_is_left_by_a_model_that_is_true_to_the_response_is_small():

@@ -31,6 +31,9 @@ held out say of that function: 30 clean responses had -65 to 11."""
 PACE = "a time constant that changes with the state"
 """The kind of what changes how fast a response moves, and not where it comes to rest."""
 
+PACE_BY_OTHER = "a time constant that changes with the other command"
+"""The same of a pump on the engine, by whose speed it steers."""
+
 MEMORY = "a gain that remembers past effort"
 """The kind of what heat does to a gain, and what an effort leaves behind."""
 
@@ -164,8 +167,7 @@ def of_plant(
         found.append(_family(words, ["the other command"], across, _CROSSED))
         paced = [o * rate, np.abs(o) * rate, o**2 * rate]
         paced += [history(x, s, dt) for s in (0.2, 1.0) for x in paced]
-        words = "a time constant that changes with the other command"
-        found.append(_family(words, ["the other command"], paced))
+        found.append(_family(PACE_BY_OTHER, ["the other command"], paced))
         states["the other command"] = other
     span = float(np.clip(span, 3.0 * dt, 0.1 * max(float(np.ptp(t)), 30.0 * dt)))
     past = [history(u, k * span, dt) for k in _SPANS]

@@ -7,7 +7,7 @@ from functools import cached_property
 
 from ..config import PlantSpec
 from .body_search import BodySearch
-from .families import HYSTERESIS, MEMORY, OF_STATES, PACE, STICKING
+from .families import HYSTERESIS, MEMORY, OF_STATES, PACE, PACE_BY_OTHER, STICKING
 from .feedback import is_answered, trembles
 from .found import Search
 from .leftover import leftover
@@ -42,6 +42,8 @@ _BY_TURNS = 0.05  # likewise a hysteresis: beside wrong names from 0.096, beside
 _BY_PACE, _BY_MEMORY = 0.01, 0.01  # likewise these: beside wrong names from 0.02 and 0.014,
 # beside one right name of 1500 alone, 0.002
 _BY_PACE_TOO = 0.1  # a limit that is not sharp leaves such, too: a right one 0.073, wrong from 0.13
+_LAGS_OF_BODY = ("tyre_relaxation", "yaw_inertia", "sensor_lag", "sensor_delay")
+_LAGGING = 0.3  # share of what is left of an actuator, that its changing lag is beside such a lag
 _BENDS = ("gain_nonlinearity", "saturation", "gain_asymmetry", "drag")
 _OF_STATES = (*_BENDS, "rate_limit", "dead_zone", "coulomb_friction", "backlash")
 _WORN = (*_BENDS, "offset", "gain_drift", "regime_change")
@@ -114,6 +116,12 @@ class Remains:
             if cause in causes and by_kind > most and by_kind * (1.0 - share) > least:
                 return True
         return False
+
+    def lags(self, cause: str) -> bool:
+        """Whether an actuator lags by another time constant now and then, so that a lag of the body
+        that it moves may be a part of that."""
+        slower = [u.fraction for u in self.found if u.kind in (PACE, PACE_BY_OTHER)]
+        return cause in _LAGS_OF_BODY and max(slower, default=0.0) > _LAGGING
 
     def echoes(
         self, channel: str, share: float, statistic: float, hides_small: bool = False

@@ -317,7 +317,8 @@ def _taken(weighing: Weighing, findings: Sequence[Finding], channel: str) -> flo
 def _lost(cause: Named, found: Finding, remains: Remains, channel: str, share: float) -> str:
     """Why a cause is minor beside what no cause accounts for; empty where it is not."""
     outdone = any(f in (cause.finding, cause.body) for f in remains.outdone)
-    if outdone or remains.outdoes(found.cause, channel, share):
+    lags = cause.body is not None and remains.lags(found.cause)
+    if outdone or lags or remains.outdoes(found.cause, channel, share):
         return "a kind of error that has no name here explains it better"
     if remains.drowns(channel, found.share, cause.hides_small):
         return "a load that a controller answers is much larger"
