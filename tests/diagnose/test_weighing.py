@@ -14,6 +14,7 @@ from vdmsi_jax.diagnose.judge import Trial
 from vdmsi_jax.diagnose.leftover import only_where_judged
 from vdmsi_jax.diagnose.naming import Named
 from vdmsi_jax.diagnose.noise import BriefNoise, Noise, OwnNoise
+from vdmsi_jax.diagnose.remains import Remains
 from vdmsi_jax.diagnose.result import (
     ChannelScore,
     Diagnosis,
@@ -27,7 +28,7 @@ from vdmsi_jax.diagnose.rounding import quantised, tells_rounding
 from vdmsi_jax.diagnose.runs import Runs
 from vdmsi_jax.diagnose.stage import Stage
 from vdmsi_jax.diagnose.unexplained import BURSTS, WORSE
-from vdmsi_jax.diagnose.verdict import _or_else
+from vdmsi_jax.diagnose.verdict import _lost, _or_else
 from vdmsi_jax.diagnose.weighing import (
     Weighing,
     _of_a_bend,
@@ -415,6 +416,21 @@ def test_a_faint_bend_beside_another_mends_its_form(statistic, first, minor):
     told = replace(judged(weak, 96.5, 96.9)[1], statistic=statistic)
     why = WEIGHING.why_minor(weak, trials[1][1], told, 0.0, 0.0, False, trials)
     assert ("mend" in why) is minor and bool(why) is minor
+
+
+@pytest.mark.parametrize(
+    ("cause", "where", "channel", "minor"),
+    [
+        ("sensor_bias", "sensor", "v", True),
+        ("sensor_bias", "sensor", "r", False),
+        ("speed_scale", "vehicle", None, True),  # which that sensor tells, too
+        ("understeer", "vehicle", None, False),
+    ],
+)
+def test_what_a_sensor_that_drops_out_would_tell_is_minor(cause, where, channel, minor):
+    remains = Remains((Unexplained("v", 0.4, ("t",), kind=BURSTS),), ())
+    told = replace(named(cause), where=where, channel=channel, search=None)
+    assert bool(_lost(told, finding(cause, 0.8), remains, "forward", 0.8)) is minor
 
 
 @pytest.mark.parametrize(

@@ -324,7 +324,9 @@ def _lost(cause: Named, found: Finding, remains: Remains, channel: str, share: f
         return "a load that a controller answers is much larger"
     if remains.echoes(channel, found.share, found.statistic, cause.hides_small):
         return "a controller makes the commands, which may know what else is wrong"
-    if cause.where == "sensor" and cause.channel in remains.dropping:
+    # that the vehicle moves faster than its speed says is told by that sensor, too
+    sensor = "v" if cause.cause == "speed_scale" else cause.channel
+    if cause.where in ("sensor", "vehicle") and sensor in remains.dropping:
         return "its sensor drops out"
     return ""
 
