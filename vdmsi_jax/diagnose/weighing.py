@@ -38,7 +38,7 @@ _WEAK, _STRONG = 0.05, 0.5  # shares: below the first beside one above the secon
 _FAINT = 100.0  # and below twice the first, where twice its log-likelihood is below this
 _DOUBTFUL = 0.05  # share of a cause that makes the path no better, below which it is minor
 _LITTLE = 0.3  # share, below which one that is so faint mends a bend beside it, or spoils the path:
-_MUCH_WORSE = 1.5  # times of its error; of four exams right names that do had shares from 0.45
+_WORSE = 1.1  # times of its error; of seven exams right names that do had shares from 0.38
 _NOTHING = 0.5  # standard errors, below which a parameter is nothing, whatever it takes
 _CLEAR, _FEW = 2.0, 3  # standard errors, below which a parameter may be nothing; of so many
 _SURE = 2.5  # standard errors of the gain in FIT held out, from which on a cause is one beside no
@@ -169,7 +169,7 @@ class Weighing:
         if self._negligible(found):
             return "so much of it every vehicle, plant or bus has"
         if _spoils(found):
-            return "the path gets much worse with it"
+            return "the path gets worse with it"
         return ""
 
     def _little(self, cause: Named, trial: Trial, found: Finding, leads: bool) -> bool:
@@ -342,11 +342,11 @@ def _faint(found: Finding) -> bool:
 
 
 def _spoils(found: Finding) -> bool:
-    """Whether a faint cause makes the error of the path so much larger that it tells it wrongly."""
+    """Whether a faint cause makes the path worse."""
     before, after = found.gain.ate_before, found.gain.ate_after
     if before is None or after is None:
         return False
-    return _faint(found) and after > _MUCH_WORSE * before
+    return _faint(found) and after > _WORSE * before
 
 
 def _sizeless(found: Finding) -> bool:
