@@ -435,8 +435,9 @@ def test_what_a_sensor_that_drops_out_would_tell_is_minor(cause, where, channel,
 
 @pytest.mark.parametrize(
     ("share", "statistic", "after", "minor"),
-    [(0.24, 66.0, 1.4, True), (0.45, 66.0, 1.4, False), (0.24, 260.0, 1.4, False),
-     (0.24, 66.0, 0.62, False), (0.24, 66.0, None, False)],
+    [(0.24, 66.0, 0.7, True), (0.45, 66.0, 0.7, False), (0.24, 260.0, 1.4, False),
+     (0.24, 66.0, 0.62, False), (0.58, 66.0, 3.0, True), (0.58, 4900.0, 3.0, False),
+     (0.24, 66.0, None, False)],
 )  # fmt: skip
 def test_a_faint_cause_that_makes_the_path_worse_is_minor(share, statistic, after, minor):
     bend = named("gain_nonlinearity")

@@ -38,7 +38,8 @@ _WEAK, _STRONG = 0.05, 0.5  # shares: below the first beside one above the secon
 _FAINT = 100.0  # and below twice the first, where twice its log-likelihood is below this
 _DOUBTFUL = 0.05  # share of a cause that makes the path no better, below which it is minor
 _LITTLE = 0.3  # share, below which one that is so faint mends a bend beside it, or spoils the path:
-_WORSE = 1.1  # times of its error; of seven exams right names that do had shares from 0.38
+_WORSE, _MUCH_WORSE = 1.1, 2.0  # times of its error, and whatever its share: of seven exams right
+# names that do so had shares from 0.38, and as faint ones 1.1
 _NOTHING = 0.5  # standard errors, below which a parameter is nothing, whatever it takes
 _CLEAR, _FEW = 2.0, 3  # standard errors, below which a parameter may be nothing; of so many
 _SURE = 2.5  # standard errors of the gain in FIT held out, from which on a cause is one beside no
@@ -342,11 +343,11 @@ def _faint(found: Finding) -> bool:
 
 
 def _spoils(found: Finding) -> bool:
-    """Whether a faint cause makes the path worse."""
+    """Whether a cause that is not sure makes the path worse, the more so the more it takes."""
     before, after = found.gain.ate_before, found.gain.ate_after
-    if before is None or after is None:
+    if before is None or after is None or found.statistic >= _FAINT:
         return False
-    return _faint(found) and after > _WORSE * before
+    return after > (_WORSE if found.share < _LITTLE else _MUCH_WORSE) * before
 
 
 def _sizeless(found: Finding) -> bool:
