@@ -13,7 +13,7 @@ from vdmsi_jax.diagnose.hypothesis import Hypothesis
 from vdmsi_jax.diagnose.prepare import stage_of
 from vdmsi_jax.diagnose.price import lack
 from vdmsi_jax.diagnose.refit import refit
-from vdmsi_jax.diagnose.rivals import _may_bend, _twin, findings_of, worths
+from vdmsi_jax.diagnose.rivals import _may_bend, _twin, _undying, findings_of, worths
 from vdmsi_jax.diagnose.runs import lay_out
 from vdmsi_jax.diagnose.starts import added, number_of
 
@@ -100,3 +100,17 @@ def test_a_limit_with_a_wide_corner_may_be_a_bend(limit, corner, lacks, told):
     fit = replace(plain, hypothesis=replace(plain.hypothesis, active=(number,), theta=theta))
     assert _may_bend(stage, fit, number, lacks) is told
     assert not _may_bend(stage, fit, sharp, lacks)
+
+
+@pytest.mark.parametrize(("damping", "undying"), [(0.005, True), (0.02, False)])
+def test_a_mode_with_as_little_damping_as_it_may_have_may_be_a_line(damping, undying):
+    stage = stage_of(lay_out([made(run) for run in range(2)]), PLANT)
+    plain = baselines(stage)[1, 0]
+    number = number_of(stage, "resonance")
+    told = added(stage, plain.hypothesis, number, 1.0 / stage.scales.duration)
+    theta = told.theta.copy()
+    slot = stage.slots[number]
+    theta[slot.index[slot.names.index("damping")]] = damping
+    fit = replace(plain, hypothesis=replace(told, theta=theta))
+    assert _undying(stage, fit, number) is undying
+    assert not _undying(stage, fit, number_of(stage, "offset"))

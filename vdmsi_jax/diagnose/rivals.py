@@ -28,6 +28,7 @@ _OF_COMMAND = 0.2  # share of the gain of a play of the command, up to which fri
 # play itself, 0.36
 _WIDE = 0.2  # the width of a limit's corner, beyond which it may be a bend: limits had up to 0.04,
 # bends that were told as limits from 0.32
+_UNDYING = 1.02  # times the least damping, up to which a mode has as little as it may have
 _LARGER = 100.0  # lack, up to which a cause in a larger plant is tried in a smaller one
 _ABLE = 0.2  # share of the gain of a cause, that one in its place must promise or gain itself
 _TRIED = 5  # causes of a screen that are tried in the place of one
@@ -114,6 +115,8 @@ def findings_of(
         ]
         bends = [pair for pair in rivals if stage.slots[pair[0]].cause == "gain_nonlinearity"]
         alike += [k for k, lacks in bends[:1] if _may_bend(stage, final, number, lacks)]
+        lines = [k for k, _ in rivals if stage.slots[k].cause == "periodic_disturbance"]
+        alike += lines[:1] if _undying(stage, final, number) else []
         twin = _twin(stage, finding, findings, final, seen)
         if twin is not None:
             rivals = [twin, *(r for r in rivals if r[0] != twin[0])]
@@ -186,6 +189,16 @@ def _may_bend(stage: Stage, fit: Refit, number: int, lacks: float) -> bool:
     beyond = max(u.max() * values["upper"], -u.min() * values["lower"]) > 1.0
     wide = values["corner"] > _WIDE and (lacks < _FAR or "before" in values)
     return bool(not beyond or wide)
+
+
+def _undying(stage: Stage, fit: Refit, number: int) -> bool:
+    """Whether a mode has as little damping as it may have: what makes it swing on may be a line,
+    whose form behind a friction or a play it meets better than a steady one does."""
+    slot, (low, _) = stage.slots[number], stage.bounds
+    if slot.cause != "resonance":
+        return False
+    damping = slot.index[slot.names.index("damping")]
+    return bool(fit.hypothesis.theta[damping] < _UNDYING * low[damping])
 
 
 def _near(cause: str, other: str, lacks: float, gain: float) -> bool:
