@@ -88,9 +88,9 @@ def _moves_alone(own: Search, finding: Finding) -> bool:
 
 
 def _instead(channel: str, cause: str, better: Explained) -> Unexplained:
-    words = f"{better.family.words} would explain it better than {cause}"
-    on, share = better.family.depends_on, max(better.share, 0.0)
-    return Unexplained(channel, share, on, (), words, puzzling=share > PUZZLING)
+    kind, on, share = better.family.words, better.family.depends_on, max(better.share, 0.0)
+    words = f"{kind} would explain it better than {cause}"
+    return Unexplained(channel, share, on, (), words, puzzling=share > PUZZLING, kind=kind)
 
 
 def took(stage: Stage, finding: Finding, final: Refit) -> float:
