@@ -54,6 +54,14 @@ def when_it_jumps(x):
 
 
 @pytest.mark.parametrize(
+    ("size", "fraction", "open_"), [(0.02, 0.14, False), (0.02, 0.3, True), (0.04, 0.14, True)]
+)
+def test_a_slow_error_that_is_small_by_size_and_share_leaves_nothing_open(size, fraction, open_):
+    left = Unexplained("delta", fraction, ("t",), (), "a slow error", puzzling=True, size=size)
+    assert unexplained([left], (), {}, lambda channel: 0.0) is open_
+
+
+@pytest.mark.parametrize(
     ("kind", "taken", "share", "outdone"),
     [
         (OF_STATES, 0.61, 0.56, {"coulomb_friction", "offset", "rate_limit", "saturation"}),  # 0.27
