@@ -251,6 +251,8 @@ def test_a_log_without_the_models_commands_is_refused(model):
     log = Record.from_arrays(dt=DT, v_cmd=np.ones(100), v=np.ones(100))
     with pytest.raises(InputError, match="delta_cmd"):
         compare(log, model)
+    with pytest.raises(InputError, match="no actuator"):
+        compare(log, dataclasses.replace(model, plants={}))
 
 
 def driven(model: Model, n: int = 1200) -> Record:

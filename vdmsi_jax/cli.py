@@ -10,6 +10,8 @@ import io
 import os
 import re
 import sys
+import warnings
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -93,8 +95,8 @@ def simulate(
         model: an identify.json or model.json.
         logs: CSV or NPZ files, each simulated by itself.
         out: folder to write to.
-        config: TOML file: vehicle, columns, units; the canonical columns and the model's vehicle
-            without one.
+        config: TOML file: vehicle, columns, units; without one that beside the log (its own name or
+            vehicle.toml), and without that the canonical columns and the model's vehicle.
         window: length of the windows that start anew at the measured pose.
         report: write report.html.
         cache: keep compiled programs for the next time.
@@ -338,12 +340,15 @@ def main(arguments: list[str] | None = None) -> None:
         print(f"vdmsi {__version__}")
         return
     try:
-        _dispatch(arguments)
+        with _plain_warnings():
+            _dispatch(arguments)
     except InputError as refused:
         print(f"vdmsi: {refused}", file=sys.stderr)
         raise SystemExit(2) from None
-    except BrokenPipeError:
-        raise
+    except BrokenPipeError:  # who read the output has gone, and what is buffered has nowhere to go
+        with contextlib.suppress(OSError, ValueError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise SystemExit(1) from None
     except OSError as error:
         path, reason = error.filename2 or error.filename or "a file", error.strerror or str(error)
         mend = "name a path that can be read and written"
@@ -351,6 +356,14 @@ def main(arguments: list[str] | None = None) -> None:
         raise SystemExit(2) from None
     except KeyboardInterrupt:
         raise SystemExit(130) from None
+
+
+@contextlib.contextmanager
+def _plain_warnings() -> Iterator[None]:
+    """Warn users by a line of this program, without the place in the code."""
+    with warnings.catch_warnings():
+        warnings.showwarning = lambda message, *_, **__: print(f"vdmsi: {message}", file=sys.stderr)
+        yield
 
 
 def _prepare_jax(cache: bool) -> None:

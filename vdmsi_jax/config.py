@@ -33,7 +33,7 @@ CANONICAL = {
 """The canonical columns of a log and the quantity that each measures (the log format in the
 README)."""
 
-_POSE = ("x", "y", "psi")
+POSE = ("x", "y", "psi")
 _SHORTEST, _LONGEST = 1e-3, 100.0  # m, of a wheelbase
 
 STEERING_CHANNELS = ("delta_cmd", "delta")
@@ -372,6 +372,11 @@ class Config:
         for channel, factor in self.sign.items():
             problem = f"{factor} is no sign"
             _require(factor in (1, -1), self, f"[sign] {channel}", problem, "give 1 or -1")
+        for channel, how in self.derive.items():
+            if how.unit is not None and channel not in POSE:
+                quantities = allowed_quantities(channel, self.canonical)
+                place = f"[derive] {channel} unit"
+                unit(how.unit, source="Config", place=place, quantities=quantities)
         for name in ("t", "run"):
             mend = "name the derived channel differently"
             _require(name not in self.derive, self, f"[derive] {name}", "is no channel", mend)
@@ -400,7 +405,7 @@ def canonical_of(plants: Iterable[PlantSpec], vehicle: VehicleGeometry | None) -
     `u` and `y` of a plant are its own."""
     foreign = [p for p in plants if vehicle is None or p.input not in CANONICAL]
     own = {c for p in foreign for c in p.channels}
-    return {c: q for c, q in CANONICAL.items() if c not in _POSE or c not in own}
+    return {c: q for c, q in CANONICAL.items() if c not in POSE or c not in own}
 
 
 def allowed_quantities(channel: str, canonical: Mapping[str, str]) -> tuple[str, ...]:

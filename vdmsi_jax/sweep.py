@@ -99,6 +99,7 @@ def plan(config: str | Path, out: str | Path) -> list[Cell]:
     if sweep.sweep is None:
         mend = 'add runs = [{ log = "run.csv", config = "vehicle.toml" }, ...]'
         raise InputError(sweep.source, "[sweep]", "missing", mend)
+    _of_logs(sweep)
     beside = Path(config).parent
     folder, cells = output_folder(Path(out) / "cells"), []
     for i, run in enumerate(sweep.sweep.runs, start=1):
@@ -121,6 +122,15 @@ def plan(config: str | Path, out: str | Path) -> list[Cell]:
                 file = file.with_name(f"{file.stem}.{key[:_MARK]}.json")
             cells.append(Cell(log, own.path, plants[name], options, key, file))
     return cells
+
+
+def _of_logs(sweep: Config) -> None:
+    """Refuse tables that belong into the configuration of a log."""
+    none = Config()
+    for name in ("vehicle", "columns", "units", "sign", "derive", "select", "prepare", "plants"):
+        if getattr(sweep, name) != getattr(none, name):
+            mend = 'put it into a file of its own, and name that as `config = "..."` of the runs'
+            raise InputError(sweep.source, f"[{name}]", "is not read for the logs of a sweep", mend)
 
 
 def summarise(cells: Sequence[Cell], results: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

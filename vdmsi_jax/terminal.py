@@ -1,6 +1,8 @@
 """What the command line shows while it works and when it is done. Nothing here computes."""
 
 import math
+import os
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,7 +18,18 @@ if TYPE_CHECKING:  # a command imports what it uses, which takes a second for al
     from .identify.result import OrderGrid
     from .reproduce import Experiments
 
-OUT = Console(highlight=False)
+
+class _Console(Console):
+    """One whose reader may go (`vdmsi diagnose ... | head`): what is left to do is done all the
+    same, and says nothing more."""
+
+    def on_broken_pipe(self) -> None:
+        """Go on without a word."""
+        self.quiet = True
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+OUT = _Console(highlight=False)
 ERR = Console(stderr=True, highlight=False)
 
 

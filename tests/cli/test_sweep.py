@@ -2,8 +2,12 @@
 
 import json
 
+import pytest
+
 from commands import DEMO
 from small_logs import drive, write_csv
+from vdmsi_jax.errors import InputError
+from vdmsi_jax.sweep import plan
 
 
 def test_a_sweep_goes_on_where_it_was_stopped(here, tmp_path, settings):
@@ -109,3 +113,11 @@ def test_a_configuration_beside_the_log_says_which_orders(here, tmp_path, settin
     done = here("sweep", tmp_path / "sweep.toml", "--out", tmp_path / "swept", "--no-report")
     (cell,) = (tmp_path / "swept" / "cells").glob("*steering.json")
     assert list(json.loads(cell.read_text())["orders"]) == ["P1Z0"]
+
+
+@pytest.mark.parametrize("table", ["[select]\nwhere = 't > 5'", "[units]\nv = 'km/h'"])
+def test_a_sweep_refuses_what_it_would_not_read(tmp_path, table):
+    log = write_csv(tmp_path / "log.csv", drive())
+    (tmp_path / "sweep.toml").write_text(f'{table}\n[sweep]\nruns = [{{ log = "{log}" }}]\n')
+    with pytest.raises(InputError, match="config = "):
+        plan(tmp_path / "sweep.toml", tmp_path / "out")

@@ -170,3 +170,20 @@ def test_a_folder_where_a_result_should_be_is_told(here, tmp_path, settings):
     told = refused(here("identify", log, "--config", settings, "--out", tmp_path, "--no-report"))
     assert "identify.json: is a directory" in told
     assert not list(tmp_path.glob(".identify*"))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="its pipes break otherwise")
+@pytest.mark.parametrize("report", [True, False])
+def test_a_reader_that_goes_away_breaks_nothing(report, settings, tmp_path):
+    """`vdmsi ... | head -0`: no traceback, and what was asked for is written."""
+    logs = [DEMO / "powertrain_steps.csv", "--config", settings, "--out", tmp_path]
+    asked = ["identify", *logs] if report else ["--help"]
+    code = f"from vdmsi_jax.cli import main; main({[str(a) for a in asked]!r})"
+    with subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None and process.stderr is not None
+        process.stdout.close()
+        told = process.stderr.read()
+    assert "Traceback" not in told and "BrokenPipe" not in told
+    assert (tmp_path / "report.html").is_file() is report

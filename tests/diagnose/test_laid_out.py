@@ -8,6 +8,7 @@ import pytest
 import vdmsi_jax as vj
 from vdmsi_jax.config import PlantSpec
 from vdmsi_jax.diagnose.contradictions import contradictions
+from vdmsi_jax.diagnose.diagnose import _left_out, _uncommanded, plants_of
 from vdmsi_jax.diagnose.prepare import body_of, stage_of
 from vdmsi_jax.diagnose.runs import lay_out, slower
 from vdmsi_jax.diagnose.unexplained import structure
@@ -74,6 +75,27 @@ def test_half_of_a_speed_is_none():
 
     assert "log 1 lacks v_cmd, v: not looked at in any log." in told.unseen
     assert not any("v" in record for record in told.records)
+
+
+def test_an_actuator_whose_command_was_not_logged_is_said_not_to_be_looked_at():
+    records = [car(k) for k in range(2)]
+    names = {c: "steer_cmd" if c == "delta_cmd" else c for c in records[0].channels}
+    other = [
+        replace(r, channels={names[c]: x for c, x in r.channels.items()}, plants=r.plants[:1])
+        for r in records
+    ]
+    (told,) = _uncommanded(other, plants_of(other))
+    assert told.startswith("The steering was not looked at") and "delta_cmd" in told
+    assert _uncommanded(records, plants_of(records)) == []
+
+
+def test_logs_that_are_left_aside_are_said_to_be():
+    records = [plant(2000, 1, "long"), plant(45, 2, "short"), plant(2000, 3, "long too")]
+    runs = lay_out(records)
+    assert _left_out(records, runs) == [
+        "Not looked at: short, which is much shorter than the others, or more than are looked at."
+    ]
+    assert _left_out(records[::2], runs) == []
 
 
 def test_a_robot_that_creeps_steers_too():

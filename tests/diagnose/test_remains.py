@@ -64,14 +64,9 @@ def test_a_slow_error_that_is_small_by_size_and_share_leaves_nothing_open(size, 
 @pytest.mark.parametrize(
     ("kind", "taken", "share", "outdone"),
     [
-        (OF_STATES, 0.61, 0.56, {"coulomb_friction", "offset", "rate_limit", "saturation"}),  # 0.27
-        (
-            OF_STATES,
-            0.61,
-            0.84,
-            {"coulomb_friction", "offset"},
-        ),  # 0.1, which is most of what is left
-        (OF_STATES, 0.3, 0.67, {"offset"}),
+        (OF_STATES, 0.61, 0.56, {"coulomb_friction", "rate_limit", "saturation"}),  # 0.27 of all
+        (OF_STATES, 0.61, 0.84, {"coulomb_friction"}),  # 0.1, which is most of what is left
+        (OF_STATES, 0.3, 0.67, set()),
         (OF_STATES, 0.61, 0.95, set()),
         (HYSTERESIS, 0.35, 0.44, {"coulomb_friction"}),
         (HYSTERESIS, 0.15, 0.82, set()),

@@ -57,6 +57,9 @@ def compare(record: Record, model: Model, *, window: float = 20.0) -> Comparison
         mend = "give a model, as load_model reads and identified makes it"
         raise InputError("model", "", f"{type(model).__name__} is no model", mend)
     plants = {name: plant for name, plant in model.plants.items() if plant.spec.input in record}
+    if not model.plants:
+        mend = "give one that was identified from logs with commands"
+        raise InputError("model", "plants", "it has no actuator to simulate", mend)
     if not plants:
         asked = ", ".join(sorted({plant.spec.input for plant in model.plants.values()}))
         problem = f"has none of the model's commands ({asked})"

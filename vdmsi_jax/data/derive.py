@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ..config import Derivation, VehicleGeometry
+from ..config import CANONICAL, POSE, Derivation, VehicleGeometry, allowed_quantities
 from ..errors import InputError, nearest
 from ..units import si_symbol, unit
 from .expressions import parse
@@ -270,6 +270,10 @@ def derive(
         else:
             rule = _RULES[how.rule or ""]
             needs, quantity = rule.needs(how), rule.quantity
+            wanted = () if name in POSE else allowed_quantities(name, CANONICAL)
+            if wanted and quantity not in wanted:
+                problem = f"{how.rule} makes {quantity}, and {name} is {wanted[0]}"
+                raise InputError(source, place, problem, "derive another channel by it")
             ends = _window(channels, how) // 2 if rule.differentiates else 0
             _demand(needs, channels, source, place)
             if rule.needs_vehicle and vehicle is None:

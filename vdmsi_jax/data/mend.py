@@ -12,6 +12,7 @@ import numpy as np
 
 from ..config import Config
 from ..errors import InputError
+from ..units import UNITS
 from .resample import sample_period
 
 USUAL_GAP = 5.0
@@ -153,7 +154,8 @@ def period_of(rows: Rows, config: Config) -> float:
     place = f"column {raw.columns['t']!r}"
     if is_vehicle and "t" not in config.units and period >= _SLOWEST:
         problem = f"rows are {period:g} s apart, too far to see an actuator"
-        mend = 'set [units] t = "ms" if time is in milliseconds, or say t = "s" if it is in seconds'
+        likely = next((u for u in ("ms", "us") if period * UNITS[u].to_si < _SLOWEST), "ns")
+        mend = f'set [units] t = "{likely}" if that is its unit, or say t = "s" if it is in seconds'
         raise InputError(raw.source, place, problem, mend)
     if is_vehicle and "t" in config.units and period < _FASTEST:
         problem = f"rows are {period:g} s apart with [units] t = {config.units['t']!r}"

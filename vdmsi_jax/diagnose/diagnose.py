@@ -8,7 +8,7 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from ..config import PlantSpec, VehicleGeometry, canonical_of
+from ..config import DEFAULT_PLANTS, PlantSpec, VehicleGeometry, canonical_of
 from ..data import check_excitation
 from ..data.outliers import without_outliers
 from ..data.record import Record
@@ -171,6 +171,7 @@ def _evidence(
     searches = {spec: found for spec, found in looked.items() if isinstance(found, Search)}
     refused = {spec: why for spec, why in looked.items() if isinstance(why, InputError)}
     unseen = [f"The {spec.name} was not looked at: {why}" for spec, why in refused.items()]
+    unseen += _uncommanded(several, plants) + _left_out(several, runs)
     by_channel = {spec.output: found for spec, found in searches.items()}
     say("looking into the body, the road and the sensors")
     body = body_of(runs, by_channel)
@@ -302,6 +303,29 @@ def _unshared(records: Sequence[Record]) -> list[str]:
         f"{name} lacks {', '.join(missing)}: not looked at in any log."
         for name, missing in _lacking(records).items()
     ]
+
+
+def _uncommanded(records: Sequence[Record], plants: Sequence[PlantSpec]) -> list[str]:
+    """Actuators of which the response was logged and the command was not, in words."""
+    asked = {plant.output for plant in plants}
+    return [
+        f"The {own.name} was not looked at: {own.output} was logged, and its command {own.input} "
+        "was not, or by another name: give its column in [columns]."
+        for own in DEFAULT_PLANTS
+        if own.output not in asked
+        and all(own.output in r and own.input not in r for r in records)
+        and records[0].vehicle is not None
+    ]
+
+
+def _left_out(records: Sequence[Record], runs: Runs) -> list[str]:
+    """Records that are not among those laid side by side, in words."""
+    out = [r.log for r in records if not any(r is kept for kept in runs.records)]
+    if not out:
+        return []
+    names = ", ".join(out[:3]) + (f" and {len(out) - 3} more" if len(out) > 3 else "")
+    why = "much shorter than the others, or more than are looked at"
+    return [f"Not looked at: {names}, which {'is' if len(out) == 1 else 'are'} {why}."]
 
 
 def _same(one: Record, other: Record) -> bool:

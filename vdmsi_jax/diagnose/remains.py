@@ -41,7 +41,6 @@ _BY_STATES = 0.15  # share of a channel's error, that some function of states ta
 # that stands in for it: beside right names up to 0.12, beside wrong ones 0.06 to 0.27
 _MOSTLY_BY_STATES = 0.06, 0.4  # the same of one that sticks, where that is so much of what is left
 # of it: beside right names up to 0.04 and 0.25, beside wrong ones from 0.094 and 0.45
-_ON_A_LEVEL = 0.05  # the same of an offset: beside no right one of the hunt's, a wrong one 0.11
 _BY_TURNS = 0.05  # likewise a hysteresis: beside wrong names from 0.096, beside no right one
 _BY_PACE, _BY_MEMORY = 0.01, 0.01  # likewise these: beside wrong names from 0.02 and 0.014,
 # beside one right name of 1500 alone, 0.002
@@ -54,7 +53,6 @@ _WORN = (*_BENDS, "offset", "gain_drift", "regime_change")
 _FREER = (
     (OF_STATES, (*_OF_STATES, "periodic_disturbance"), _BY_STATES, 0.0),
     (OF_STATES, STICKING, *_MOSTLY_BY_STATES),
-    (OF_STATES, ("offset",), _ON_A_LEVEL, 0.0),
     (HYSTERESIS, STICKING, _BY_TURNS, 0.0),
     (PACE, _BENDS, _BY_PACE, 0.0),
     (PACE, ("rate_limit",), _PACED_LIMIT, 0.0),
