@@ -345,9 +345,10 @@ def main(arguments: list[str] | None = None) -> None:
     except InputError as refused:
         print(f"vdmsi: {refused}", file=sys.stderr)
         raise SystemExit(2) from None
-    except BrokenPipeError:  # who read the output has gone, and what is buffered has nowhere to go
-        with contextlib.suppress(OSError, ValueError):
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except BrokenPipeError:
+        from .terminal import hush
+
+        hush()  # what is buffered has nowhere to go
         raise SystemExit(1) from None
     except OSError as error:
         path, reason = error.filename2 or error.filename or "a file", error.strerror or str(error)

@@ -8,7 +8,7 @@ import functools
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -126,8 +126,8 @@ def plan(config: str | Path, out: str | Path) -> list[Cell]:
 
 def _of_logs(sweep: Config) -> None:
     """Refuse tables that belong into the configuration of a log."""
-    none = Config()
-    for name in ("vehicle", "columns", "units", "sign", "derive", "select", "prepare", "plants"):
+    none, own = Config(), {"identify", "sweep", "path"}
+    for name in (f.name for f in fields(Config) if f.name not in own):
         if getattr(sweep, name) != getattr(none, name):
             mend = 'put it into a file of its own, and name that as `config = "..."` of the runs'
             raise InputError(sweep.source, f"[{name}]", "is not read for the logs of a sweep", mend)

@@ -4,7 +4,7 @@ import math
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +26,12 @@ class _Console(Console):
     def on_broken_pipe(self) -> None:
         """Go on without a word."""
         self.quiet = True
+        hush()
+
+
+def hush() -> None:
+    """Send what is still to be shown nowhere, since who read it has gone."""
+    with suppress(OSError, ValueError):  # an output that is no file
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
