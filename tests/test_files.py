@@ -1,5 +1,6 @@
 """Results are written whole or not at all, as JSON that any parser takes."""
 
+import errno
 import json
 import os
 import stat
@@ -50,11 +51,12 @@ def test_a_crash_while_writing_leaves_the_old_file_and_no_litter(tmp_path, monke
     path = write_text(tmp_path / "r.txt", "old")
 
     def crash(*_):
-        raise OSError("disk full")
+        raise OSError(errno.ENOSPC, "disk full")
 
     monkeypatch.setattr(os, "fsync", crash)
-    with pytest.raises(OSError, match="disk full"):
+    with pytest.raises(OSError, match="disk full") as caught:
         write_text(path, "new " * 10_000)
+    assert caught.value.filename == str(path)  # which the system does not say
     assert path.read_text() == "old"
     assert os.listdir(tmp_path) == ["r.txt"]
 

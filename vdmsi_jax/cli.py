@@ -48,25 +48,27 @@ def identify(
         cache: keep compiled programs for the next time.
     """
     from .config import load_config
-    from .data.read import config_of, read_logs
+    from .data.read import options_of, read_logs
     from .files import output_folder, write_json, write_text
 
     settings = None if config is None else load_config(config)
     records = read_logs(logs, settings)
-    options = config_of(logs[0], settings).identify
+    options = options_of(logs, settings)
     output_folder(out)
     _prepare_jax(cache)
 
     from . import terminal
     from .identify.document import identify_document
-    from .identify.vehicle import identified_and_refused
+    from .identify.vehicle import identified_and_refused, uncommanded
 
     with terminal.working("identifying"):
         grids, refused = identified_and_refused(records, options=options)
     write_json(out / "identify.json", identify_document(grids, records, refused))
     terminal.show_grids(grids)
-    for name, why in refused.items():
-        print(f"vdmsi: {name} was not identified: {why}", file=sys.stderr)
+    plants = [plant for record in records for plant in record.plants]
+    told = [f"{name} was not identified: {why}" for name, why in refused.items()]
+    for line in [*told, *uncommanded(records, plants)]:
+        print(f"vdmsi: {line}", file=sys.stderr)
     if report:
         with terminal.working("drawing the report"):
             from .report.identification import identification_page
@@ -351,7 +353,8 @@ def main(arguments: list[str] | None = None) -> None:
         hush()  # what is buffered has nowhere to go
         raise SystemExit(1) from None
     except OSError as error:
-        path, reason = error.filename2 or error.filename or "a file", error.strerror or str(error)
+        path = error.filename2 or error.filename or "the output"
+        reason = error.strerror or str(error)
         mend = "name a path that can be read and written"
         print(f"vdmsi: {path}: {reason.lower()}; {mend}", file=sys.stderr)
         raise SystemExit(2) from None

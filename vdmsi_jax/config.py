@@ -41,6 +41,12 @@ STEERING_CHANNELS = ("delta_cmd", "delta")
 into an angle."""
 
 
+def _require(fine: bool, owner: object, field: str, problem: str, mend: str) -> None:
+    """Refuse the field of a dataclass unless it is fine."""
+    if not fine:
+        raise InputError(type(owner).__name__, field, problem, mend)
+
+
 @dataclass(frozen=True)
 class VehicleGeometry:
     """Where the axles are, and which point of the vehicle the log means by its speed and pose.
@@ -109,6 +115,10 @@ class PlantSpec:
     name: str
     input: str
     output: str
+
+    def __post_init__(self):
+        problem = f"is its input {self.input!r}, too"
+        _require(self.input != self.output, self, "output", problem, "name what answers to it")
 
     @property
     def channels(self) -> tuple[str, str]:
@@ -290,7 +300,8 @@ class IdentifyOptions:
             fine = len(given) > 0 and set(given) <= set(allowed)
             _require(fine, self, name, problem, f"choose from {list(allowed)}")
         problem = f"{self.held_out} is no share"
-        _require(0 <= self.held_out < 1, self, "held_out", problem, "give a number from 0 to 1")
+        mend = "give a number from 0 up to, and less than, 1"
+        _require(0 <= self.held_out < 1, self, "held_out", problem, mend)
         problem = f"{self.delay} is no bound"
         _require(self.delay is False or self.delay > 0, self, "delay", problem, "give seconds")
         problem = f"{self.fit_loss} is negative"
@@ -394,12 +405,6 @@ class Config:
         return str(self.path) if self.path else "configuration"
 
 
-def _require(fine: bool, owner: object, field: str, problem: str, mend: str) -> None:
-    """Refuse the field of a dataclass unless it is fine."""
-    if not fine:
-        raise InputError(type(owner).__name__, field, problem, mend)
-
-
 def canonical_of(plants: Iterable[PlantSpec], vehicle: VehicleGeometry | None) -> dict[str, str]:
     """`CANONICAL`, less the names of a pose that plants have taken which are no part of a vehicle:
     `u` and `y` of a plant are its own."""
@@ -431,7 +436,10 @@ def load_config(path: str | Path | None) -> Config:
         return Config()
     path = Path(path)
     table = load_toml(path)
-    if isinstance(table.get("plant"), dict) and "plants" not in table:  # the only one
+    if "plant" in table and "plants" in table:
+        mend = "make it one of [[plants]], with a name"
+        raise InputError(str(path), "[plant]", "stands beside [[plants]]", mend)
+    if isinstance(table.get("plant"), dict):  # the only one
         table["plants"] = [{"name": "plant"} | table.pop("plant")]
     plants = table.get("plants")
     for plant in plants if isinstance(plants, list) else []:

@@ -55,8 +55,10 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
             os.fsync(file.fileno())
         os.chmod(temporary, 0o666 & ~_umask())
         os.replace(temporary, path)
-    except BaseException:
+    except BaseException as why:
         os.unlink(temporary)
+        if isinstance(why, OSError):
+            why.filename = why.filename or str(path)  # a full disk does not say whose
         raise
     return path
 

@@ -209,3 +209,11 @@ def test_a_plant_alone_stands_in_a_table_of_its_own(tmp_path, names):
     file.write_text("plants = 3\n", encoding="utf-8")
     with pytest.raises(InputError, match="plants"):
         load_config(file)
+
+    file.write_text('[plant]\ninput = "a"\noutput = "b"\n[[plants]]\nname = "c"\n')
+    with pytest.raises(InputError, match=r"\[plant\]: stands beside \[\[plants\]\]"):
+        load_config(file)
+
+    file.write_text('[plant]\ninput = "volt"\noutput = "volt"\n')
+    with pytest.raises(InputError, match="output: is its input 'volt', too"):
+        load_config(file)

@@ -10,6 +10,7 @@ from small_logs import drive, write_csv
 from vdmsi_jax.config import Config, PlantSpec, Prepare, VehicleGeometry, load_config
 from vdmsi_jax.data import Record, read_log, read_logs
 from vdmsi_jax.data.derive import steering_from_curvature
+from vdmsi_jax.data.read import options_of
 from vdmsi_jax.errors import InputError
 
 
@@ -325,3 +326,14 @@ def test_a_plant_names_its_columns_by_itself(tmp_path):
     (tmp_path / "c.toml").write_text(plant.replace('"u"', '"w"'))
     with pytest.raises(InputError, match=r"no channel 'w'.*\[columns\] w"):
         read_log(tmp_path / "log.csv", tmp_path / "c.toml")
+
+
+def test_logs_that_ask_to_be_identified_in_other_ways_are_refused(tmp_path):
+    logs = [write_csv(tmp_path / f"run_{k}.csv", drive()) for k in (1, 2)]
+    (tmp_path / "run_1.toml").write_text("[identify]\npoles = [1]\n")
+    with pytest.raises(InputError, match=r"\[identify\]: asks for other things.*run_1.toml"):
+        options_of(logs)
+    (tmp_path / "run_2.toml").write_text("[identify]\npoles = [1]\n")
+    options = options_of(logs)
+    assert options is not None and options.poles == (1,)
+    assert options_of(logs, Config()) is None

@@ -8,11 +8,12 @@ import pytest
 import vdmsi_jax as vj
 from vdmsi_jax.config import PlantSpec
 from vdmsi_jax.diagnose.contradictions import contradictions
-from vdmsi_jax.diagnose.diagnose import _left_out, _uncommanded, plants_of
+from vdmsi_jax.diagnose.diagnose import _left_out, plants_of
 from vdmsi_jax.diagnose.prepare import body_of, stage_of
 from vdmsi_jax.diagnose.runs import lay_out, slower
 from vdmsi_jax.diagnose.unexplained import structure
 from vdmsi_jax.errors import InputError
+from vdmsi_jax.identify.vehicle import uncommanded
 
 PLANT = PlantSpec("plant", "u", "y")
 CAR = vj.VehicleGeometry(1.0, 1.0)
@@ -84,9 +85,9 @@ def test_an_actuator_whose_command_was_not_logged_is_said_not_to_be_looked_at():
         replace(r, channels={names[c]: x for c, x in r.channels.items()}, plants=r.plants[:1])
         for r in records
     ]
-    (told,) = _uncommanded(other, plants_of(other))
+    (told,) = uncommanded(other, plants_of(other))
     assert told.startswith("The steering was not looked at") and "delta_cmd" in told
-    assert _uncommanded(records, plants_of(records)) == []
+    assert uncommanded(records, plants_of(records)) == []
 
 
 def test_logs_that_are_left_aside_are_said_to_be():

@@ -18,6 +18,7 @@ from ..config import (
     DEFAULT_PLANTS,
     STEERING_CHANNELS,
     Config,
+    IdentifyOptions,
     PlantSpec,
     allowed_quantities,
     load_config,
@@ -204,6 +205,20 @@ def config_of(path: str | Path, config: str | Path | Config | None = None) -> Co
         candidates = (path.with_suffix(".toml"), *(path.parent / name for name in _CONFIG_NAMES))
         config = next((candidate for candidate in candidates if candidate.is_file()), None)
     return load_config(config)
+
+
+def options_of(paths: Sequence[str | Path], config: Config | None = None) -> IdentifyOptions | None:
+    """How logs that are identified together are to be identified, by their configurations.
+
+    Raises:
+        InputError: a configuration is refused, or two of them want different things.
+    """
+    first, *others = (config_of(path, config) for path in paths)
+    for own in others:
+        if own.identify != first.identify:
+            problem = f"asks for other things than that of {first.source}"
+            raise InputError(own.source, "[identify]", problem, "give one by --config FILE")
+    return first.identify
 
 
 def plants_in(path: Path, config: Config) -> tuple[PlantSpec, ...]:

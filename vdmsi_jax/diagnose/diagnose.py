@@ -8,13 +8,14 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from ..config import DEFAULT_PLANTS, PlantSpec, VehicleGeometry, canonical_of
+from ..config import PlantSpec, VehicleGeometry, canonical_of
 from ..data import check_excitation
 from ..data.outliers import without_outliers
 from ..data.record import Record
 from ..data.session import in_session
 from ..data.slow_sensors import between_their_samples
 from ..errors import InputError
+from ..identify.vehicle import uncommanded
 from ..programs import make_room
 from ..threads import AT_ONCE, one_for_blas
 from .body_search import search_body
@@ -171,7 +172,7 @@ def _evidence(
     searches = {spec: found for spec, found in looked.items() if isinstance(found, Search)}
     refused = {spec: why for spec, why in looked.items() if isinstance(why, InputError)}
     unseen = [f"The {spec.name} was not looked at: {why}" for spec, why in refused.items()]
-    unseen += _uncommanded(several, plants) + _left_out(several, runs)
+    unseen += uncommanded(several, plants) + _left_out(several, runs)
     by_channel = {spec.output: found for spec, found in searches.items()}
     say("looking into the body, the road and the sensors")
     body = body_of(runs, by_channel)
@@ -302,19 +303,6 @@ def _unshared(records: Sequence[Record]) -> list[str]:
     return [
         f"{name} lacks {', '.join(missing)}: not looked at in any log."
         for name, missing in _lacking(records).items()
-    ]
-
-
-def _uncommanded(records: Sequence[Record], plants: Sequence[PlantSpec]) -> list[str]:
-    """Actuators of which the response was logged and the command was not, in words."""
-    asked = {plant.output for plant in plants}
-    return [
-        f"The {own.name} was not looked at: {own.output} was logged, and its command {own.input} "
-        "was not, or by another name: give its column in [columns]."
-        for own in DEFAULT_PLANTS
-        if own.output not in asked
-        and all(own.output in r and own.input not in r for r in records)
-        and records[0].vehicle is not None
     ]
 
 
