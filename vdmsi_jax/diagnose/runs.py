@@ -45,6 +45,11 @@ class Runs:
         """Samples of the longest."""
         return max(b - a for a, b in zip(self.starts, self.stops, strict=True))
 
+    @property
+    def longest(self) -> float:
+        """Duration of the longest, s."""
+        return self.length * self.dt
+
     def channel(self, name: str) -> Float[np.ndarray, "R N"]:
         """A channel, padded by its last value; zeros where a record lacks it."""
         return np.stack(

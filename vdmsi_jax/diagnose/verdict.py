@@ -21,6 +21,7 @@ from .found import FEW, MARGIN, Search, output_of
 from .hypothesis import Refit
 from .judge import Scored, Trial, confirmed, gain_of
 from .manoeuvres import better, separate
+from .minor import LITTLE, Weighed, changes_somehow, crowd, overshadowed
 from .naming import Named, merged, of_body, of_stage, of_yaw_rate, with_form
 from .refit import refit
 from .remains import Remains, unexplained
@@ -29,7 +30,7 @@ from .road import Road
 from .rounding import COARSE, quantised, tells_rounding
 from .runs import Runs
 from .screen import screen
-from .weighing import LITTLE, Weighing, changes_somehow, crowd, of_innovations, overshadowed
+from .weighing import Weighing, of_innovations
 from .words import apart, in_words, sentence, summary
 
 _TWINS = {"powertrain": "v", "steering": "delta"}
@@ -119,16 +120,16 @@ class Evidence:
                 trial = self._trial(cause, less)
                 told = _or_else(cause, [c for c, _ in weighing.of_its_kind(cause, trials)])
             found = self._finding(told, trial, road, less, alone=len(trials) == 1)
-            channel, share = trial.gain.channel, max(found.share, trial.gain.typical)
+            channel = trial.gain.channel
             puzzle = _doubt(remains.puzzles, cause, trial)
             disturbance = _doubt(remains.disturbed, cause, trial)
-            why = weighing.why_minor(cause, trial, found, puzzle, disturbance, leads, trials)
-            why = why or _lost(cause, found, remains, channel, share)
+            of = Weighed(weighing, cause, trial, found, trials, puzzle, disturbance, leads)
+            why = of.why_minor() or _lost(cause, found, remains, channel, of.share)
             if why:
                 minor.append(apart(found, why))
                 if changes_somehow(found, why):
                     said = f"it changes with time, of which {in_words(cause.cause)} is no sure form"
-                    crowds.append(Unexplained(channel, share, ("t",), (), said, puzzling=True))
+                    crowds.append(Unexplained(channel, of.share, ("t",), (), said, puzzling=True))
                 continue
             findings.append(found)
             if cause.search is not None:
