@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 import made_up_diagnosis
 from vdmsi_jax import plots
+from vdmsi_jax.plots.diagnosis import worst_paths
 from vdmsi_jax.plots.diagnosis import leading_response
 from vdmsi_jax.plots.overlays import best_window, binned, judged_run, over_time
 
@@ -171,6 +172,36 @@ def test_a_path_is_drawn_only_where_there_is_one():
     d = made_up_diagnosis.explained()
     with pytest.raises(ValueError, match="has no run"):
         plots.on_path(d.responses[0], dataclasses.replace(d.paths[0], run="other.csv"))
+
+
+def test_the_residuals_of_several_runs_share_a_picture_and_a_scale():
+    d = made_up_diagnosis.explained()
+    response = d.responses[0]
+    runs = [dataclasses.replace(d.paths[0], run=name) for name in response.runs]
+    figure = plots.on_path(response, *runs)
+    models = ["baseline", "extended"]
+    assert [axes.get_title() for axes in panels(figure)] == [
+        f"{name}, {model}" for model in models for name in response.runs
+    ]
+    (scale,) = {(axes.collections[0].norm.vmin, axes.collections[0].norm.vmax)
+                for axes in panels(figure)}  # fmt: skip
+    assert scale[1] == -scale[0] > 0.0
+
+
+def test_of_many_held_out_drives_those_with_the_largest_errors_are_drawn():
+    d = made_up_diagnosis.explained()
+    path = d.paths[0]
+    far = [3.0, 0.0, 1.0, 5.0, 2.0, 4.0]
+    moved = [path.measured + np.array([size, 0.0, 0.0]) for size in far]
+    paths = [
+        dataclasses.replace(path, run=f"{size:g}", baseline=own)
+        for size, own in zip(far, moved, strict=True)
+    ]
+    assert [one.run for one in worst_paths(paths)] == ["3", "5", "2", "4"]
+    figure = plots.paths_before_after(dataclasses.replace(d, paths=tuple(paths)))
+    assert [axes.get_title() for axes in panels(figure)[::2]] == [
+        f"path of {run}" for run in ("3", "5", "2", "4")
+    ]
 
 
 def test_a_diagnosis_plots_itself():

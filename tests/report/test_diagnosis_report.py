@@ -72,7 +72,7 @@ def test_the_page_is_one_file_with_every_section(told):
     one_each = [h for h in reader.headings if re.match(r"\d+\. ", h)]
     assert len(one_each) == len(diagnosis.findings)
     pictures = 3 * len(diagnosis.responses) + bool(diagnosis.findings) + bool(diagnosis.budget)
-    on_paths = len(diagnosis.paths) * len(diagnosis.responses)
+    on_paths = bool(diagnosis.paths) * len(diagnosis.responses)
     assert reader.figures == pictures + on_paths + bool(diagnosis.paths)
 
 

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence, Set
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from . import swing
 from .colour import whiten
@@ -14,6 +14,7 @@ from .lanes import FEED, FIRST_CAUSE, LEADS, POLES
 from .stage import Stage
 
 _STEP = 1e-4  # of a parameter's usual size, for differences
+_ROUNDING = 1e-11  # of a response, below which a difference is that of rounding
 BEYOND = 8  # reaches of the whitening filter, over which residuals count as one sample
 GROWTH = 0.3
 """Exponent by which a response may grow over a run for a pole in the right half plane: as much as
@@ -167,7 +168,11 @@ def responses(stage: Stage, hypotheses: Sequence[Hypothesis]) -> Float[np.ndarra
 def sensitivities(
     stage: Stage, hypotheses: Sequence[Hypothesis], y: Sequence[np.ndarray]
 ) -> list[Float[np.ndarray, "p R N"]]:
-    """Differences of the response with respect to the free parameters, about the responses `y`."""
+    """Differences of the response with respect to the free parameters, about the responses `y`.
+
+    What changes no response, as the lead of a force that is constant, has a difference of exactly
+    zero: one of rounding would be a direction like any other, along which steps are huge.
+    """
     if not hypotheses:
         return []
     high = stage.bounds[1]
@@ -183,8 +188,14 @@ def sensitivities(
     ends = np.cumsum([len(s) for s in sizes])[:-1]
     moved = np.split(responses(stage, shifted), ends)
     return [
-        (new - old) / size[:, None, None] for new, old, size in zip(moved, y, sizes, strict=True)
+        np.where(_tells(new - old, old)[:, None, None], new - old, 0.0) / size[:, None, None]
+        for new, old, size in zip(moved, y, sizes, strict=True)
     ]
+
+
+def _tells(change: Float[np.ndarray, "p R N"], y: np.ndarray) -> Bool[np.ndarray, " p"]:
+    """Which of some changes of a response are more than rounding."""
+    return np.abs(change).max(axis=(1, 2)) > _ROUNDING * np.abs(y).max()
 
 
 def states_of(stage: Stage, h: Hypothesis) -> np.ndarray:

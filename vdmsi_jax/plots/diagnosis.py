@@ -29,6 +29,8 @@ from .style import (
 CAUSES = ("#e69f00", "#56b4e9", "#cc79a7", "#d55e00", "#f0e442", "#8da0cb", "#a6761d", "#66a61e")
 """Of the causes in a budget: none of them is the colour of a model."""
 NOISE, UNEXPLAINED = "#d5d9de", "#6b7280"
+PATHS = 4
+"""Held-out drives that are drawn one below the other, at most."""
 _LEGEND = ["baseline", "without", "with, ±1.96 se", "predicted", "noise ceiling"]
 
 
@@ -265,33 +267,50 @@ def _budget_label(budget: Budget) -> str:
     return f"{name}\n{budget.total:.3g} {pretty_unit(budget.unit)}".removesuffix(" 1")
 
 
+def worst_paths(paths: Sequence[Path]) -> list[Path]:
+    """Of the held-out drives, no more than four, those along which the baseline errs most, in their
+    order."""
+    errors = [float(np.nanmean(_distance(path, path.baseline))) for path in paths]
+    most = sorted(range(len(paths)), key=lambda k: -errors[k])[:PATHS]
+    return [paths[k] for k in sorted(most)]
+
+
 @styled
 def paths_before_after(d: Diagnosis) -> Figure:
-    """The held-out drives on the road: measured, baseline and extended, and the distance of both
-    from the measured position over time.
+    """The held-out drives on the road, the `worst_paths` of them: measured, baseline and extended,
+    and the distance of both from the measured position over time.
 
     Raises:
         ValueError: no drive has a pose.
     """
     if not d.paths:
         raise ValueError("no held-out drive has a pose, so there is no path to draw")
-    figure = framed(3.9 * len(d.paths), len(d.paths), 2, down=1.1)
-    every = figure.subplots(len(d.paths), 2, squeeze=False, width_ratios=(1.2, 1.0))
-    for (left, right), path in zip(every, d.paths, strict=True):
+    paths = worst_paths(d.paths)
+    figure = framed(3.9 * len(paths), len(paths), 2, down=1.1)
+    every = figure.subplots(len(paths), 2, squeeze=False, width_ratios=(1.2, 1.0))
+    for (left, right), path in zip(every, paths, strict=True):
         _draw_path(left, path)
         _draw_distance(right, path)
     return figure
 
 
+def _simulated(path: Path) -> list[tuple[str, np.ndarray, str]]:
+    """Baseline and extended poses; where nothing was put into the model, both are one."""
+    both = [("baseline", path.baseline, BASELINE), ("extended", path.extended, EXTENDED)]
+    return both[:1] if np.array_equal(path.baseline, path.extended, equal_nan=True) else both
+
+
+def _distance(path: Path, poses: np.ndarray) -> np.ndarray:
+    """Of poses from the measured ones, m."""
+    return np.hypot(*(poses - path.measured)[:, :2].T)
+
+
 def _draw_path(axes: Axes, path: Path) -> None:
     step = max(1, len(path.t) // 3000)
-    curves = (
-        ("measured", path.measured, COLOURS["measured"], 2.6, 0.45),
-        ("baseline", path.baseline, BASELINE, 1.4, 1.0),
-        ("extended", path.extended, EXTENDED, 1.4, 1.0),
-    )
-    for name, poses, tone, lw, alpha in curves:
-        axes.plot(poses[::step, 0], poses[::step, 1], color=tone, lw=lw, alpha=alpha, label=name)
+    options = {"color": COLOURS["measured"], "lw": 2.6, "alpha": 0.45, "label": "measured"}
+    axes.plot(*path.measured[::step, :2].T, **options)
+    for name, poses, tone in _simulated(path):
+        axes.plot(*poses[::step, :2].T, color=tone, lw=1.4, label=name)
     x, y = path.measured[0, :2]
     axes.plot(x, y, "o", color=COLOURS["measured"], mfc="white", ms=6, mew=1.5, zorder=4)
     axes.annotate("start", (x, y), (6, 6), textcoords="offset points", fontsize=8)
@@ -303,11 +322,8 @@ def _draw_path(axes: Axes, path: Path) -> None:
 
 
 def _draw_distance(axes: Axes, path: Path) -> None:
-    for name, poses, tone in (
-        ("baseline", path.baseline, BASELINE),
-        ("extended", path.extended, EXTENDED),
-    ):
-        distance = np.hypot(*(poses - path.measured)[:, :2].T)
+    for name, poses, tone in _simulated(path):
+        distance = _distance(path, poses)
         label = f"{name}, {np.nanmean(distance):.2g} m"
         axes.plot(*envelope(path.t, distance), color=tone, label=label)
     axes.set_ylim(bottom=0.0)

@@ -1,5 +1,6 @@
 """A diagnosed response: measured and simulated, and what is wrong with it, when and where."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from .signals import NAMES
 from .style import (
     COLOURS,
     MUTED,
+    WIDTH,
     envelope,
     framed,
     legend_above,
@@ -28,6 +30,7 @@ from .style import (
 BASELINE, EXTENDED = COLOURS["VDM-SI"], COLOURS["extended"]
 BINS = 30
 PIECES = 400  # of a path, each of its own colour
+BESIDE = 3  # runs that stand in a row
 
 
 class Run(NamedTuple):
@@ -149,53 +152,83 @@ def overlay(response: Response) -> Figure:
 
 @styled
 def on_path(response: Response, *paths: Path) -> Figure:
-    """Where on the road a response goes wrong: the measured path, coloured by the residual of
-    baseline and extended, wherever the response was measured.
+    """Where on the road a response goes wrong: the measured path of each run, coloured by the
+    residual of baseline and extended, wherever the response was measured.
 
     Args:
-        response: what to draw, with a run of the paths' name.
-        paths: drives of one run.
+        response: what to draw, with runs of the paths' names.
+        paths: drives, those of a run in one picture.
 
     Raises:
-        ValueError: the response has no run of that name.
+        ValueError: the response has no run of such a name.
     """
-    name = paths[0].run
-    if name not in response.runs:
-        raise ValueError(f"{response.name} has no run {name!r}; it has {response.runs}")
-    i = response.runs.index(name)
-    there = response.valid[i]
-    run = Run(name, *(getattr(response, column)[i, there] for column in Run._fields[1:]))
-    both = _simulations(response, run)
-    total = [np.concatenate([[0.0], np.cumsum(run.y - values)]) for _, values, _ in both]
-    lines, means = [], [[] for _ in both]
-    for path in paths:
-        rows = np.linspace(0, len(path.t) - 1, min(len(path.t), PIECES + 1)).astype(int)
-        places, at = path.measured[rows, :2], np.searchsorted(run.t, path.t[rows])
-        known = np.diff(at) > 0
-        lines.append(np.stack([places[:-1], places[1:]], axis=1)[known])
-        for own, sums in zip(means, total, strict=True):
-            own.append((np.diff(sums[at]) / np.maximum(np.diff(at), 1))[known])
-    lines, means = np.concatenate(lines), [np.concatenate(own) for own in means]
-    points = lines.reshape(-1, 2)
-    reach = max(float(np.abs(mean).max(initial=0.0)) for mean in means) or 1.0
-    figure = framed(4.0, 1, len(both) + 1, right=0.95, top=0.35, across=0.45)
-    ratios = [*[1.0] * len(both), 0.02 * len(both)]
-    *every, scale = figure.subplots(1, len(both) + 1, width_ratios=ratios)
-    tint = Normalize(-reach, reach)
+    names = tuple(dict.fromkeys(path.run for path in paths))
+    unknown = [name for name in names if name not in response.runs]
+    if unknown:
+        raise ValueError(f"{response.name} has no run {unknown[0]!r}; it has {response.runs}")
+    drawn = [
+        (name, *_on_one_path(response, name, [path for path in paths if path.run == name]))
+        for name in names
+    ]
+    models = list(dict.fromkeys(name for *_, means in drawn for name in means))
+    reach = max(
+        float(np.abs(mean).max(initial=0.0)) for *_, means in drawn for mean in means.values()
+    )
+    tint = Normalize(-(reach or 1.0), reach or 1.0)
     tones = colormaps["coolwarm"].resampled(41)  # so few that the bar is no bitmap
-    for axes, (name, _, _), mean in zip(every, both, means, strict=True):
-        axes.update_datalim(points)
-        coloured = LineCollection(list(lines), array=mean, cmap=tones, norm=tint, lw=5.0)
-        axes.add_collection(coloured)
-        axes.set_aspect("equal", adjustable="datalim")
-        axes.autoscale_view()
-        axes.set_xlabel("x (m)")
-        axes.set_title(f"{response.name}, {name}")
-    every[0].set_ylabel("y (m)")
+    if len(drawn) == 1:
+        rows = [[(*drawn[0], model) for model in models]]
+    else:
+        parts = [drawn[k : k + BESIDE] for k in range(0, len(drawn), BESIDE)]
+        rows = [[(*one, model) for one in part] for part in parts for model in models]
+    columns = max(map(len, rows))
+    high = 4.0 if columns < 3 else 2.9
+    margins = {"left": 0.85, "right": 0.95, "top": 0.35, "bottom": 0.5}
+    height = len(rows) * high
+    figure = framed(height, len(rows), columns, across=0.5, **margins)
+    every = figure.subplots(len(rows), columns, squeeze=False)
+    for line, row in zip(every, rows, strict=True):
+        for axes in line[len(row) :]:
+            axes.remove()
+        for axes, (name, pieces, means, model) in zip(line, row, strict=False):
+            axes.update_datalim(pieces.reshape(-1, 2))
+            coloured = LineCollection(
+                list(pieces), array=means[model], cmap=tones, norm=tint, lw=5.0
+            )
+            axes.add_collection(coloured)
+            axes.set_aspect("equal", adjustable="datalim")
+            axes.autoscale_view()
+            axes.set_title(f"{name}, {model}" if len(drawn) > 1 else model)
+            axes.set_xlabel("x (m)")
+        line[0].set_ylabel("y (m)")
+    bottom, free = margins["bottom"] / height, height - margins["top"] - margins["bottom"]
+    scale = figure.add_axes((1.0 - 0.8 / WIDTH, bottom, 0.12 / WIDTH, free / height))
     bar = figure.colorbar(ScalarMappable(tint, tones), cax=scale)
     scale.set_label("<colorbar>")
     bar.set_label(unit_label(f"residual of {response.channel}", response.unit))
     return figure
+
+
+def _on_one_path(
+    response: Response, name: str, paths: Sequence[Path]
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Pieces (n, 2, 2) of the way of a run, m, and the mean residual of each simulation in each."""
+    i = response.runs.index(name)
+    there = response.valid[i]
+    run = Run(name, *(getattr(response, column)[i, there] for column in Run._fields[1:]))
+    total = {
+        model: np.concatenate([[0.0], np.cumsum(run.y - values)])
+        for model, values, _ in _simulations(response, run)
+    }
+    pieces, means = [], {model: [] for model in total}
+    for path in paths:
+        rows = np.linspace(0, len(path.t) - 1, min(len(path.t), PIECES + 1)).astype(int)
+        places, at = path.measured[rows, :2], np.searchsorted(run.t, path.t[rows])
+        known = np.diff(at) > 0
+        pieces.append(np.stack([places[:-1], places[1:]], axis=1)[known])
+        for model, sums in total.items():
+            means[model].append((np.diff(sums[at]) / np.maximum(np.diff(at), 1))[known])
+    return np.concatenate(pieces), {model: np.concatenate(own) for model, own in means.items()}
 
 
 @styled

@@ -7,6 +7,7 @@ from .. import plots
 from ..diagnose.document import title
 from ..diagnose.result import ChannelScore, Diagnosis, Estimate, Finding, Gain, Response
 from ..diagnose.words import disturbed, in_words, resting
+from ..plots.diagnosis import worst_paths
 from ..plots.style import pretty_unit, squared_unit
 from .identification import what_was_read
 from .page import Block, Bullets, Page, Picture, Section, Table, Text, Tiles
@@ -106,18 +107,16 @@ def _what_is_wrong(d: Diagnosis) -> list[Block]:
                 "a model that lacks nothing, it is zero within its band.",
             ),
         ]
-        blocks += [
-            Picture(
-                plots.to_svg(
-                    plots.on_path(response, *(p for p in d.paths if p.run == run)),
-                    f"{_id(response)}-on-path-{i}",
-                ),
-                f"{capital(response.name)}: where on the road the residual of {response.channel} "
-                f"is large, in {run}.",
+        seen = [path for path in d.paths if path.run in response.runs]
+        if seen:
+            runs = ", ".join(dict.fromkeys(path.run for path in seen))
+            blocks.append(
+                Picture(
+                    plots.to_svg(plots.on_path(response, *seen), f"{_id(response)}-on-path"),
+                    f"{capital(response.name)}: where on the road the residual of "
+                    f"{response.channel} is large, in {runs}.",
+                )
             )
-            for i, run in enumerate(dict.fromkeys(path.run for path in d.paths))
-            if run in response.runs
-        ]
     if d.paths and not d.findings:
         blocks.append(_paths(d))
     return blocks
@@ -281,9 +280,16 @@ def _road(ate: Mapping[str, Mapping[str, float]]) -> Table:
 
 
 def _paths(d: Diagnosis) -> Picture:
+    few = len(worst_paths(d.paths))
+    drives = (
+        "The held-out drive on the road, from the same start"
+        if len(d.paths) == 1
+        else f"Held-out drives on the road, each from the start that was measured ({few} of "
+        f"{len(d.paths)}, along which the baseline errs most)"
+    )
+    simulated = "baseline and extended" if d.findings else "and baseline"
     return Picture(
-        plots.to_svg(plots.paths_before_after(d), "paths"),
-        "The held-out drive on the road, from the same start: measured, baseline and extended.",
+        plots.to_svg(plots.paths_before_after(d), "paths"), f"{drives}: measured, {simulated}."
     )
 
 
