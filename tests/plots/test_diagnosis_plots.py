@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 
 import made_up_diagnosis
 from vdmsi_jax import plots
-from vdmsi_jax.plots.diagnosis import worst_paths
-from vdmsi_jax.plots.diagnosis import leading_response
+from vdmsi_jax.plots.diagnosis import leading_response, worst_paths
 from vdmsi_jax.plots.overlays import best_window, binned, judged_run, over_time
 
 OF_A_DIAGNOSIS = {
@@ -180,7 +179,7 @@ def test_the_residuals_of_several_runs_share_a_picture_and_a_scale():
     runs = [dataclasses.replace(d.paths[0], run=name) for name in response.runs]
     figure = plots.on_path(response, *runs)
     models = ["baseline", "extended"]
-    assert [axes.get_title() for axes in panels(figure)] == [
+    assert [axes.get_title(loc="left") for axes in panels(figure)] == [
         f"{name}, {model}" for model in models for name in response.runs
     ]
     (scale,) = {(axes.collections[0].norm.vmin, axes.collections[0].norm.vmax)
@@ -199,7 +198,7 @@ def test_of_many_held_out_drives_those_with_the_largest_errors_are_drawn():
     ]
     assert [one.run for one in worst_paths(paths)] == ["3", "5", "2", "4"]
     figure = plots.paths_before_after(dataclasses.replace(d, paths=tuple(paths)))
-    assert [axes.get_title() for axes in panels(figure)[::2]] == [
+    assert [axes.get_title(loc="left") for axes in panels(figure)[::2]] == [
         f"path of {run}" for run in ("3", "5", "2", "4")
     ]
 

@@ -25,7 +25,7 @@ from .rivals import findings_of, worths
 from .screen import acts_in_steps
 from .selection import climbed
 from .stage import Stage
-from .starts import hilly
+from .starts import errs_slowly, hilly
 from .unexplained import extent
 
 SWAPS = 3
@@ -33,7 +33,6 @@ SWAPPED = 2.0  # by which another cause must be better to take a place
 _AGAIN = 2  # failures after which the way is gone again without what failed
 _MUCH, SURE = 0.4, 2.5  # share of the error, and standard errors, that data held out bear out
 _SURER = 3.0  # standard errors likewise, of a cause that can draw nearly any error
-_SLOW = 2.5  # squared error over innovations, from which on a part of it is slow
 _CLOSE, _LASTS = 5.0, 0.2  # of the score, that a cause may lack; share that it must take elsewhere
 WORSENED = 0.2  # of the squared error on data held out, by which a cause may usually raise it
 MADE_UP = 0.05  # of it, that it must take on the whole if it does
@@ -298,7 +297,7 @@ def _borne_out(found: Search, seen: Mapping[tuple, Refit], known: set[int]) -> R
     h = final.hypothesis
     if h.swing is not None:
         h = replace(h, swing=h.swing[stage.mask.any(axis=1)])
-    more = [] if seen_error < _SLOW * final.variance else hilly(stage.fitting, h)
+    more = hilly(stage.fitting, h) if errs_slowly(stage, final) else []
     fits = [
         f
         for f in [*seen.values(), *refit(stage.fitting, more)]

@@ -17,6 +17,8 @@ from .starts import (
     bent,
     delayed,
     dragged,
+    errs_slowly,
+    hilly,
     late,
     mirrored,
     nested,
@@ -73,6 +75,8 @@ def _first(
     promising = _promising(stage, plain)
     starts = [c.beside(plain.hypothesis) for c in promising] + _in_smaller(stage, plain, grid)
     patient = [*waiting(stage, plain, grid), *ringing(stage, plain), *shifted(stage, plain, grid)]
+    # one knot of a profile promises little, and a slow line would take their place
+    patient += hilly(stage, plain.hypothesis) if errs_slowly(stage, plain) else []
     fits = _refitted(stage, promising, starts, patient, _afresh(stage, plain, grid))
     fits += [f for small in _strongest(stage, fits, grid) for f in grown(stage, small)]
     seen |= {f.hypothesis.kind: f for f in fits}

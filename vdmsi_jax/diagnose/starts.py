@@ -22,6 +22,7 @@ _STUCK_PACES, _STUCK_DAMPINGS, _STUCK = (1.0, 2.0, 4.0), (0.3, 1.0), (0.0, 0.01,
 _STICKS = 0.9  # of the error without friction, below which plants with it are begun from
 _BEYOND, _OUTLASTS = 5, 3.0  # places of a faster pole, up to the rate of the samples, where all
 # that are known take longer than a third of a run
+_SLOW = 2.5  # squared error over innovations, from which on a part of it is slow
 _CHANGE = 0.1  # of gain, to try moments with
 
 
@@ -253,6 +254,11 @@ def refined(stage: Stage, now: Refit) -> list[Hypothesis]:
             bare = without(stage, h, other)
             made += [added(stage, bare, number, p) for p in slot.effect.probes(stage.scales)]
     return made
+
+
+def errs_slowly(stage: Stage, fit: Refit) -> bool:
+    """Whether a part of the error lasts much longer than the noise's colour tells."""
+    return fit.error(stage) >= _SLOW * fit.variance
 
 
 def hilly(stage: Stage, h: Hypothesis) -> list[Hypothesis]:
