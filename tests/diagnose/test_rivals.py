@@ -75,15 +75,16 @@ def test_a_play_that_mends_a_friction_says_that_it_may_be_one(lacks, beside, tol
 
 
 @pytest.mark.parametrize(
-    ("limit", "corner", "lacks", "told"),
+    ("limit", "corner", "lacks", "gain", "told"),
     [
-        (2.0, 0.02, 300.0, True),  # which no command reaches
-        (0.5, 0.02, 10.0, False),
-        (0.5, 0.45, 10.0, True),
-        (0.5, 0.45, 300.0, False),
+        (2.0, 0.02, 300.0, 500.0, True),  # which no command reaches
+        (0.5, 0.02, 10.0, 500.0, False),
+        (0.5, 0.45, 10.0, 50.0, True),
+        (0.5, 0.45, 300.0, 500.0, False),
+        (0.5, 0.45, 175.0, 2255.0, True),  # a concave map, which no formula meets exactly
     ],
 )
-def test_a_limit_with_a_wide_corner_may_be_a_bend(limit, corner, lacks, told):
+def test_a_limit_with_a_wide_corner_may_be_a_bend(limit, corner, lacks, gain, told):
     stage = stage_of(lay_out([made(run) for run in range(2)]), PLANT)
     (plain,) = refit(stage, [baselines(stage)[1, 0].hypothesis])
     number, sharp = (
@@ -98,8 +99,8 @@ def test_a_limit_with_a_wide_corner_may_be_a_bend(limit, corner, lacks, told):
     theta = plain.hypothesis.theta.copy()
     theta[list(stage.slots[number].index)] = 1.0 / limit, 1.0 / limit, corner
     fit = replace(plain, hypothesis=replace(plain.hypothesis, active=(number,), theta=theta))
-    assert _may_bend(stage, fit, number, lacks) is told
-    assert not _may_bend(stage, fit, sharp, lacks)
+    assert _may_bend(stage, fit, number, lacks, gain) is told
+    assert not _may_bend(stage, fit, sharp, lacks, gain)
 
 
 @pytest.mark.parametrize(("damping", "undying"), [(0.005, True), (0.02, False)])

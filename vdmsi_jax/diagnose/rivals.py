@@ -114,7 +114,7 @@ def findings_of(
             or steadiness(stage, best[k], final) < _apart(own.cause, stage.slots[k].cause)
         ]
         bends = [pair for pair in rivals if stage.slots[pair[0]].cause == "gain_nonlinearity"]
-        alike += [k for k, lacks in bends[:1] if _may_bend(stage, final, number, lacks)]
+        alike += [k for k, lacks in bends[:1] if _may_bend(stage, final, number, lacks, gain)]
         lines = [k for k, _ in rivals if stage.slots[k].cause == "periodic_disturbance"]
         alike += lines[:1] if _undying(stage, final, number) else []
         twin = _twin(stage, finding, findings, final, seen)
@@ -178,7 +178,7 @@ def _by_cause(stage: Stage, fits: Sequence[Refit], kept: set[int]) -> dict[int, 
     return best
 
 
-def _may_bend(stage: Stage, fit: Refit, number: int, lacks: float) -> bool:
+def _may_bend(stage: Stage, fit: Refit, number: int, lacks: float, gain: float) -> bool:
     """Whether a limit with a round corner may be a bend that lacks so much: the corner alone is
     one, where no command goes beyond it, and where it is wide the limit is no formula of either. Of
     what follows the command late, which no form of a bend does, a bend may lack anything."""
@@ -187,7 +187,8 @@ def _may_bend(stage: Stage, fit: Refit, number: int, lacks: float) -> bool:
         return False
     values = dict(zip(slot.names, fit.hypothesis.theta[list(slot.index)], strict=True))
     beyond = max(u.max() * values["upper"], -u.min() * values["lower"]) > 1.0
-    wide = values["corner"] > _WIDE and (lacks < _FAR or "before" in values)
+    little = lacks < max(_FAR, _FORM * gain)
+    wide = values["corner"] > _WIDE and (little or "before" in values)
     return bool(not beyond or wide)
 
 
