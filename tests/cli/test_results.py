@@ -45,6 +45,17 @@ def test_a_refused_plant_is_told_beside_a_good_one(here, tmp_path):
     assert "Powertrain was not identified" in report and "zero in all 200 samples" in report
 
 
+def test_an_actuator_without_a_command_is_told_beside_a_good_one(here, tmp_path):
+    columns = {name: x for name, x in drive().items() if name != "delta_cmd"}
+    log = write_csv(tmp_path / "slow.csv", columns)
+    vehicle = "[vehicle]\nl_f = 1.0\nl_r = 1.0\n"
+    (tmp_path / "vehicle.toml").write_text(f"{vehicle}[identify]\npoles = [1]\nzeros = [0]\n")
+    done = here("identify", log, "--out", tmp_path / "out", "--no-report")
+    assert done.returncode == 0 and "powertrain" in done.stdout
+    told = done.stderr.strip()
+    assert told.startswith("vdmsi: The steering was not looked at") and told.count("\n") == 0
+
+
 def test_where_all_plants_are_refused_each_says_why(here, tmp_path):
     constant = {n: x if n in ("t", "v", "delta") else np.ones(200) for n, x in drive().items()}
     log = write_csv(tmp_path / "const.csv", constant)
