@@ -72,7 +72,7 @@ def headline(d: Diagnosis) -> str:
 
 def _draw_overview(figure: SubFigure, d: Diagnosis) -> None:
     if not d.responses:
-        _draw_path(figure.subplots(), d.paths[0])
+        _draw_path(figure.subplots(), *worst_paths(d.paths, 1))
         return
     response = leading_response(d)
     run = judged_run(response)
@@ -87,7 +87,7 @@ def _draw_overview(figure: SubFigure, d: Diagnosis) -> None:
     for name in "ar":
         legend_above(axes[name])
     if d.paths:
-        _draw_path(axes["p"], d.paths[0])
+        _draw_path(axes["p"], *worst_paths(d.paths, 1))
 
 
 def leading_response(d: Diagnosis) -> Response:
@@ -267,12 +267,12 @@ def _budget_label(budget: Budget) -> str:
     return f"{name}\n{budget.total:.3g} {pretty_unit(budget.unit)}".removesuffix(" 1")
 
 
-def worst_paths(paths: Sequence[Path]) -> list[Path]:
-    """Of the held-out drives, no more than four, those along which the baseline errs most, in their
-    order."""
+def worst_paths(paths: Sequence[Path], most: int = PATHS) -> list[Path]:
+    """Of the held-out drives, no more than `most`, those along which the baseline errs most, in
+    their order."""
     errors = [float(np.nanmean(_distance(path, path.baseline))) for path in paths]
-    most = sorted(range(len(paths)), key=lambda k: -errors[k])[:PATHS]
-    return [paths[k] for k in sorted(most)]
+    worst = sorted(range(len(paths)), key=lambda k: -errors[k])[:most]
+    return [paths[k] for k in sorted(worst)]
 
 
 @styled
