@@ -7,7 +7,7 @@ import pytest
 
 from vdmsi_jax.diagnose.body import BANK, CAUSES, INDEX, WINDOW, Body, increments
 from vdmsi_jax.diagnose.body_fit import BodyFit, fit_body
-from vdmsi_jax.diagnose.body_search import BodySearch, price, score, search_body
+from vdmsi_jax.diagnose.body_search import BodySearch, body_price, body_score, search_body
 from vdmsi_jax.diagnose.leftover import jumps_of_pose
 from vdmsi_jax.diagnose.noise import Pair
 from vdmsi_jax.models.bicycle import Bicycle
@@ -208,5 +208,5 @@ def test_a_bank_pulls_no_more_than_its_slope_can(slope, pull, strange):
     theta[list(INDEX[BANK])] = slope, pull
     none = np.zeros((0, 0))
     fits = [BodyFit(on, theta, 0.0, {}, {}, {}, {}, {}, (), none) for on in ((), (BANK,))]
-    without, leaning = (score(fit) for fit in fits)
-    assert (without - leaning > price((BANK,)) + 1.0) == strange
+    without, leaning = (body_score(fit) for fit in fits)
+    assert (without - leaning > body_price((BANK,)) + 1.0) == strange

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vdmsi_jax.diagnose.found import Finding as PlantFinding
-from vdmsi_jax.diagnose.found import Search
+from vdmsi_jax.diagnose.found import PlantFinding, Search
 from vdmsi_jax.diagnose.minor import Weighed, _of_a_bend, changes_somehow, crowd, overshadowed
 from vdmsi_jax.diagnose.noise import BriefNoise, OwnNoise
 from vdmsi_jax.diagnose.result import Estimate

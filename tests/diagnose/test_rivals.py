@@ -8,7 +8,7 @@ import pytest
 import vdmsi_jax as vj
 from vdmsi_jax.diagnose import swing
 from vdmsi_jax.diagnose.baseline import baselines
-from vdmsi_jax.diagnose.found import MARGIN, Finding
+from vdmsi_jax.diagnose.found import MARGIN, PlantFinding
 from vdmsi_jax.diagnose.hypothesis import Hypothesis
 from vdmsi_jax.diagnose.prepare import stage_of
 from vdmsi_jax.diagnose.price import lack
@@ -65,7 +65,7 @@ def test_a_play_that_mends_a_friction_says_that_it_may_be_one(lacks, beside, tol
     rubs, plays = alike(500.0, friction), alike(500.0 - lacks, play)
     final = alike(500.0 + beside, friction, other)
     seen = {f.hypothesis.kind: f for f in (plain, rubs, plays, final)}
-    both = [Finding(friction, 500.0, alike(0.0, other)), Finding(other, beside, rubs)]
+    both = [PlantFinding(friction, 500.0, alike(0.0, other)), PlantFinding(other, beside, rubs)]
 
     twin = _twin(stage, both[0], both, final, seen)
 

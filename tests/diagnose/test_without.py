@@ -5,7 +5,7 @@ import pytest
 
 import vdmsi_jax as vj
 from vdmsi_jax.diagnose import budget
-from vdmsi_jax.diagnose.found import Finding, Search
+from vdmsi_jax.diagnose.found import PlantFinding, Search
 from vdmsi_jax.diagnose.hypothesis import Hypothesis, Refit
 from vdmsi_jax.diagnose.naming import Named
 from vdmsi_jax.diagnose.prepare import stage_of
@@ -31,8 +31,8 @@ def off_by(error: float) -> Refit:
 )
 def test_a_model_that_errs_more_than_the_plain_plant_is_not_what_one_would_take(cause, less, told):
     number = [slot.cause for slot in STAGE.slots].index(cause)
-    finding = Finding(number, 100.0, off_by(np.sqrt(less)))
-    beside = Finding(0, 50.0, off_by(2.0))
+    finding = PlantFinding(number, 100.0, off_by(np.sqrt(less)))
+    beside = PlantFinding(0, 50.0, off_by(2.0))
     plain, final = off_by(1.0), off_by(0.1)
     search = Search(STAGE, plain, plain, final, (finding, beside))
     error = search.usable_without(finding).y - STAGE.y
@@ -43,7 +43,7 @@ def test_a_model_that_errs_more_than_the_plain_plant_is_not_what_one_would_take(
 def test_who_is_missed_so_much_that_the_model_runs_away_takes_no_more_than_all(alone, monkeypatch):
     """Of two causes the second is of no use without the first."""
     plain, final = off_by(1.0), off_by(0.1)
-    findings = tuple(Finding(number, 100.0, plain) for number in range(2))
+    findings = tuple(PlantFinding(number, 100.0, plain) for number in range(2))
     search = Search(STAGE, plain, plain, final, findings)
     errors = {(0,): 0.5, (1,): alone, (): 2.0}
 

@@ -126,14 +126,14 @@ def _of_body(body, plain) -> Iterable[tuple[str, float, float]]:
     from vdmsi_jax.diagnose.body import CAUSES
     from vdmsi_jax.diagnose.body_fit import refit_body
     from vdmsi_jax.diagnose.body_screen import screen_body
-    from vdmsi_jax.diagnose.body_search import price
+    from vdmsi_jax.diagnose.body_search import body_price
 
     promising = [s for s in screen_body(body, plain) if s[0] > 0.0]
     for f in refit_body(body, [((k,), theta) for _, k, theta in promising]):
         (number,) = f.active
         cause = CAUSES[number]
         label = f"{cause.cause} ({cause.channel or cause.where})"
-        yield label, 2.0 * (f.loglik - plain.loglik), price(f.active)
+        yield label, 2.0 * (f.loglik - plain.loglik), body_price(f.active)
 
 
 def _most(causes: dict, label: str, gain: float, price: float) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .body import CAUSES, INDEX
-from .body_fit import Lane, bounds, slopes
+from .body_fit import BodyLane, bounds, slopes
 from .body_screen import may_join
 from .body_search import BodySearch
 from .detectability import ALIKE, SURE, open_about
@@ -31,7 +31,7 @@ def detectable_in_body(found: BodySearch) -> list[Detectable]:
     causes = [k for k in body.allowed if may_join(k, at)]
     own = [INDEX[k][0] for k in causes]
     usual, other = list(body.nuisance), [i for i in at.free if i not in body.nuisance]
-    lane = Lane.of(body, at)
+    lane = BodyLane.of(body, at)
     normal, _, _ = lane.equations(slopes(body, [lane], [[*own, *usual, *other]])[0])
     normal = _less(normal, len(own) + len(usual))
     n, (low, high) = len(own), bounds(body)

@@ -74,21 +74,21 @@ def refit_body(
     `rounds` times on the way, each time for so many `steps`."""
     if not starts:
         return []
-    lanes = [Lane(body, active, theta) for active, theta in starts]
+    lanes = [BodyLane(body, active, theta) for active, theta in starts]
     for lane, y in zip(lanes, _answers(body, [lane.theta for lane in lanes]), strict=True):
         lane.y = y
     for _ in range(rounds):
-        each(Lane.recolour, lanes)
+        each(BodyLane.recolour, lanes)
         moving = lanes
         for _ in range(steps):
             moving = _step(body, moving)
-    each(Lane.recolour, lanes)
-    return each(Lane.finish, lanes)
+    each(BodyLane.recolour, lanes)
+    return each(BodyLane.finish, lanes)
 
 
 def polished(body: Body, fit: BodyFit) -> BodyFit:
     """A fit, gone on with under its own colours."""
-    lane = Lane.of(body, fit)
+    lane = BodyLane.of(body, fit)
     moving = [lane]
     for _ in range(_STEPS):
         moving = _step(body, moving)
@@ -98,11 +98,11 @@ def polished(body: Body, fit: BodyFit) -> BodyFit:
 
 def moved(body: Body, fit: BodyFit, thetas: Float[np.ndarray, "L P"]) -> list[BodyFit]:
     """A fit at other parameters, its colours estimated anew."""
-    lanes = [Lane(body, fit.active, theta) for theta in thetas]
+    lanes = [BodyLane(body, fit.active, theta) for theta in thetas]
     for lane, y in zip(lanes, _answers(body, list(thetas)), strict=True):
         lane.y, lane.colour = y, dict(fit.colour)
-    each(Lane.recolour, lanes)
-    return each(Lane.finish, lanes)
+    each(BodyLane.recolour, lanes)
+    return each(BodyLane.finish, lanes)
 
 
 def _answers(body: Body, thetas: Sequence[np.ndarray]) -> list[dict[str, np.ndarray]]:
@@ -121,7 +121,7 @@ def bounds(body: Body) -> tuple[np.ndarray, np.ndarray]:
     return np.array(low), np.array(high)
 
 
-class Lane:
+class BodyLane:
     """A hypothesis on its way.
 
     Attributes:
@@ -143,7 +143,7 @@ class Lane:
         self._still: dict[str, np.ndarray] = {}
 
     @classmethod
-    def of(cls, body: Body, fit: BodyFit) -> "Lane":
+    def of(cls, body: Body, fit: BodyFit) -> "BodyLane":
         """A lane at a fit."""
         lane = cls(body, fit.active, fit.theta)
         lane.y, lane.colour = fit.predicted, dict(fit.colour)
@@ -240,7 +240,7 @@ class Lane:
 def robust(body: Body, fit: BodyFit) -> BodyFit:
     """A fit whose covariance is widened where blocks of the data disagree by more than noise
     allows, as `outcome` does it for actuators."""
-    lane = Lane.of(body, fit)
+    lane = BodyLane.of(body, fit)
     low, high = bounds(body)
     inner = [k for k, i in enumerate(fit.free) if low[i] < fit.theta[i] < high[i]]
     if not inner:  # all of them held at their bounds
@@ -260,7 +260,7 @@ def robust(body: Body, fit: BodyFit) -> BodyFit:
 
 
 def slopes(
-    body: Body, lanes: Sequence[Lane], free: Sequence[Sequence[int]]
+    body: Body, lanes: Sequence[BodyLane], free: Sequence[Sequence[int]]
 ) -> list[list[dict[str, np.ndarray]]]:
     """Differences of every lane's responses by some of its parameters, as its residuals see
     them."""
@@ -286,7 +286,7 @@ def _size(i: int) -> float:
     return _STEP * (0.1 if i else 0.02)
 
 
-def _step(body: Body, lanes: Sequence[Lane]) -> list[Lane]:
+def _step(body: Body, lanes: Sequence[BodyLane]) -> list[BodyLane]:
     """One Levenberg-Marquardt step of every lane; those that still move."""
     if not lanes:
         return []
@@ -311,7 +311,7 @@ def _step(body: Body, lanes: Sequence[Lane]) -> list[Lane]:
     return moved
 
 
-def _trials(of: tuple[Lane, list[dict[str, np.ndarray]]]) -> list[np.ndarray]:
+def _trials(of: tuple[BodyLane, list[dict[str, np.ndarray]]]) -> list[np.ndarray]:
     """The parameters that a lane tries next, one for each damping, from its slopes."""
     lane, own = of
     low, high = bounds(lane.body)

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..threads import each
 from .body import CAUSES, INDEX, Body
-from .body_fit import BodyFit, Lane, bounds, slopes
+from .body_fit import BodyFit, BodyLane, bounds, slopes
 from .colour import whiten
 
 _LAGGING = ("sensor_lag", "sensor_delay")
@@ -24,7 +24,7 @@ def may_join(number: int, at: BodyFit) -> bool:
 def screen_body(body: Body, at: BodyFit) -> list[tuple[float, int, np.ndarray]]:
     """Predicted gain of every cause that is not on, with the parameters to start a refit from, the
     best first: one step from the fit, the colours estimated anew."""
-    lane = Lane.of(body, at)
+    lane = BodyLane.of(body, at)
     low, high = bounds(body)
     inner = [i for i in body.nuisance if low[i] < lane.theta[i] < high[i]]
     kept = [*inner, *(i for i in lane.free if i not in body.nuisance)]
@@ -46,7 +46,7 @@ def screen_body(body: Body, at: BodyFit) -> list[tuple[float, int, np.ndarray]]:
 class _Parts:
     """The equations of a lane for many slopes at once, of which a step takes some."""
 
-    def __init__(self, lane: Lane, slopes: Sequence[dict[str, np.ndarray]]):
+    def __init__(self, lane: BodyLane, slopes: Sequence[dict[str, np.ndarray]]):
         self.lane, self.count = lane, len(slopes)
         self.normal, self.slope, self.stacks = lane.equations(slopes)
         self.plain, self.push = np.eye(len(self.slope)), np.zeros_like(self.slope)

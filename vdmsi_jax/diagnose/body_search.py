@@ -78,7 +78,7 @@ class BodySearch:
     failed: tuple[BodyFailed, ...] = ()
 
 
-def price(active: Sequence[int]) -> float:
+def body_price(active: Sequence[int]) -> float:
     """As in the actuators' search, and more for the several channels that a cause may please."""
     each = CAUSE_COST + _CHANNELS_COST
     return float(sum(each + PARAMETER_COST * CAUSES[i].weight for i in active))
@@ -123,7 +123,7 @@ def _searched(body: Body) -> BodySearch:
         now, passed = _extended(body, now, timed=k == 0)
         now = _eliminated(body, now)
         findings, other = _findings(body, now)
-        if other is None or score(other) < score(now) + SWAPPED:
+        if other is None or body_score(other) < body_score(now) + SWAPPED:
             break
         now = polished(body, other)
     else:
@@ -204,13 +204,13 @@ def _taken(body: Body, final: BodyFit, less: BodyFit) -> tuple[str, float]:
     return max(shares.items(), key=lambda pair: pair[1])
 
 
-def score(fit: BodyFit) -> float:
+def body_score(fit: BodyFit) -> float:
     """Twice the log-likelihood less the price, and less what a bank costs that pulls more than its
     slope can: wheels that stand askew are as good where the paths are not exact."""
     leans = BANK in fit.active
     slope, pull = fit.theta[list(INDEX[BANK])]
     strange = _STRANGE if leans and abs(pull) > STEEPEST * abs(slope) else 0.0
-    return 2.0 * fit.loglik - price(fit.active) - strange
+    return 2.0 * fit.loglik - body_price(fit.active) - strange
 
 
 def _borne_out(body: Body, now: BodyFit, passed: Sequence[BodyFit]) -> BodyFit | None:
@@ -260,10 +260,10 @@ def _extended(body: Body, now: BodyFit, timed: bool) -> tuple[BodyFit, Sequence[
             polished(body, f) if 2.0 * (f.loglik - now.loglik) < gain else f
             for f, (gain, _, _) in zip(fits, promising, strict=True)
         ]
-        best = max(fits, key=score, default=now)
-        if timed and (not now.active or score(best) <= score(now)):
-            best = max([best, *refit_body(body, _timed(body, now))], key=score)
-        if not score(best) > score(now):
+        best = max(fits, key=body_score, default=now)
+        if timed and (not now.active or body_score(best) <= body_score(now)):
+            best = max([best, *refit_body(body, _timed(body, now))], key=body_score)
+        if not body_score(best) > body_score(now):
             break
         now = polished(body, best)
     return now, fits
@@ -293,8 +293,8 @@ def _eliminated(body: Body, now: BodyFit) -> BodyFit:
     """Causes taken out that others have made needless."""
     while now.active:
         less = fit_body(body, [tuple(k for k in now.active if k != i) for i in now.active], now)
-        best = max(less, key=score)
-        if score(best) < score(now):
+        best = max(less, key=body_score)
+        if body_score(best) < body_score(now):
             break
         now = best
     return now
@@ -321,7 +321,7 @@ def _findings(body: Body, now: BodyFit) -> tuple[tuple[BodyFinding, ...], BodyFi
         found.append(
             BodyFinding(i, gain, less, tuple(sorted(others, key=lambda o: o[1])), promised)
         )
-    best = max(tried, key=score, default=None)
+    best = max(tried, key=body_score, default=None)
     return tuple(sorted(found, key=lambda f: -f.gain)), best
 
 

@@ -22,7 +22,7 @@ _BROKEN = 1.5  # times the squared error of the plain plant, from which a model 
 
 
 @dataclass(frozen=True, eq=False)
-class Finding:
+class PlantFinding:
     """A cause that the evidence supports.
 
     Attributes:
@@ -54,7 +54,7 @@ class Finding:
 class Failed:
     """A cause that the data of the fit support, and the data held out do not: `final` had it."""
 
-    finding: Finding
+    finding: PlantFinding
     final: Refit
 
 
@@ -75,10 +75,10 @@ class Search:
     plain: Refit
     baseline: Refit
     final: Refit
-    findings: tuple[Finding, ...]
+    findings: tuple[PlantFinding, ...]
     failed: tuple[Failed, ...] = ()
 
-    def without(self, finding: Finding) -> Refit:
+    def without(self, finding: PlantFinding) -> Refit:
         """The model without a cause: the best plant without any, where it is the only one and that
         plant is no larger, since a larger one may imitate a cause by poles and zeros that are none,
         and does not tell a delay by its zeros."""
@@ -89,7 +89,7 @@ class Search:
         several = len(self.findings) > 1
         return finding.less if larger or several or told else self.baseline
 
-    def usable_without(self, finding: Finding) -> Refit:
+    def usable_without(self, finding: PlantFinding) -> Refit:
         """The model without a cause, or the plain plant where the other causes are of no use
         without it: nobody would take a model that errs by so much more. Not for what poles and
         zeros tell."""
@@ -105,7 +105,7 @@ class Search:
         stage = self.stage
         return stage.held_out if stage.held_out.sum() > FEW else stage.mask
 
-    def away(self, finding: Finding) -> tuple[Float[np.ndarray, " k"], float]:
+    def away(self, finding: PlantFinding) -> tuple[Float[np.ndarray, " k"], float]:
         """How far the free parameters that make a cause large are from nothing: each in its own
         standard deviations, and the square of it for all together. A frequency makes none."""
         fit = self.final

@@ -13,7 +13,7 @@ from .body import ASKEW, CAUSES, INDEX, Body, BodyCause
 from .body_fit import BodyFit
 from .body_search import BodyFinding, BodySearch
 from .colour import whiten
-from .found import MARGIN, Finding, Search
+from .found import MARGIN, PlantFinding, Search
 from .hypothesis import Hypothesis, Refit
 from .lanes import LEADS
 from .result import RESTS, Estimate, Rival
@@ -82,7 +82,7 @@ class Named:
     freedom: int
     rivals: tuple[Rival, ...]
     search: Search | None = None
-    finding: Finding | None = None
+    finding: PlantFinding | None = None
     body: BodyFinding | None = None
 
     @property

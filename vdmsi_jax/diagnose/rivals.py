@@ -6,7 +6,7 @@ from dataclasses import replace
 from . import swing
 from .baseline import order_of
 from .disguise import all_pole, backward, stilled
-from .found import Finding
+from .found import PlantFinding
 from .hypothesis import Hypothesis, Refit, without
 from .outcome import steadiness
 from .price import lack, score
@@ -35,7 +35,7 @@ _TRIED = 5  # causes of a screen that are tried in the place of one
 _RIVALS = 8  # that are told
 
 
-def worths(stage: Stage, final: Refit) -> tuple[Finding, ...]:
+def worths(stage: Stage, final: Refit) -> tuple[PlantFinding, ...]:
     """Each cause of a model with what it is worth there, the strongest first."""
     numbers = final.hypothesis.active
     fits = refit(stage, [without(stage, final.hypothesis, number) for number in numbers])
@@ -43,7 +43,7 @@ def worths(stage: Stage, final: Refit) -> tuple[Finding, ...]:
     plainer = {k: _plainer(stage, k, f.hypothesis) for k, f in less.items()}
     other = {k: h for k, h in plainer.items() if h is not less[k].hypothesis}
     less |= dict(zip(other, refit(stage, list(other.values())), strict=True))
-    found = [Finding(k, 2.0 * (final.loglik - f.loglik), f) for k, f in less.items()]
+    found = [PlantFinding(k, 2.0 * (final.loglik - f.loglik), f) for k, f in less.items()]
     return tuple(sorted(found, key=lambda f: -f.gain))
 
 
@@ -58,11 +58,11 @@ def _plainer(stage: Stage, number: int, less: Hypothesis) -> Hypothesis:
 
 def findings_of(
     stage: Stage,
-    findings: Sequence[Finding],
+    findings: Sequence[PlantFinding],
     final: Refit,
     seen: Mapping[tuple, Refit],
     failed: Collection[int] = (),
-) -> tuple[tuple[Finding, ...], Refit | None]:
+) -> tuple[tuple[PlantFinding, ...], Refit | None]:
     """Findings of a model with what could stand in their place, of causes that have not failed; and
     the best fit with another in the place of one."""
     found, tried = [], []
@@ -129,8 +129,8 @@ def findings_of(
 
 def _twin(
     stage: Stage,
-    finding: Finding,
-    findings: Sequence[Finding],
+    finding: PlantFinding,
+    findings: Sequence[PlantFinding],
     final: Refit,
     seen: Mapping[tuple, Refit],
 ) -> tuple[int, float] | None:

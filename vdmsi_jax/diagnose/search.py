@@ -14,7 +14,7 @@ from .disguise import stilled
 from .disturbance import IMITATORS
 from .elimination import eliminate, rings_rather
 from .feedback import is_answered
-from .found import FEW, Failed, Finding, Search
+from .found import FEW, Failed, PlantFinding, Search
 from .hypothesis import Refit, cleared
 from .judge import Scored, confirmed, gain_of
 from .noise import BriefNoise, OwnNoise
@@ -186,7 +186,7 @@ def _failing(found: Search) -> int | None:
     return _first_out(found.findings, worth)
 
 
-def _first_out(findings: Sequence[Finding], worth: Sequence[float]) -> int:
+def _first_out(findings: Sequence[PlantFinding], worth: Sequence[float]) -> int:
     """Of several causes that fail together, the one that gained least: it may spoil the others."""
     failing = [k for k, w in enumerate(worth) if w <= 0.0] or [worth.index(min(worth))]
     return min(failing, key=lambda k: findings[k].gain)
@@ -198,7 +198,7 @@ def _whole(
     plain: Refit,
     grid: Mapping[tuple[int, int], Refit],
     now: Refit,
-    findings: Sequence[Finding],
+    findings: Sequence[PlantFinding],
 ) -> Search:
     """What was found in the runs that were fitted, over all runs."""
     bare = replace(now.hypothesis, active=(), theta=cleared(stage, now.hypothesis))
@@ -223,14 +223,14 @@ def _damped(stage: Stage, fit: Refit) -> bool:
     return stilled(stage, fit.hypothesis) is fit.hypothesis
 
 
-def _foretold(whole: Stage, findings: Sequence[Finding]) -> tuple[Finding, ...]:
+def _foretold(whole: Stage, findings: Sequence[PlantFinding]) -> tuple[PlantFinding, ...]:
     """Findings with what the screen had promised over all runs."""
     known = [f.promised for f in findings if f.promised is not None]
     every = iter(completed(whole, known) if known else [])
     return tuple(f if f.promised is None else replace(f, promised=next(every)) for f in findings)
 
 
-def _confirmed(found: Search, finding: Finding) -> float:
+def _confirmed(found: Search, finding: PlantFinding) -> float:
     """Twice the log-likelihood that a cause gains on data held out, beside all the others, or as
     much less than nothing where the plain error gets clearly worse; what it gained in the fit where
     none is held out."""
@@ -244,7 +244,7 @@ def _confirmed(found: Search, finding: Finding) -> float:
     return -abs(worth) if fails else worth
 
 
-def _untold(found: Search, finding: Finding) -> bool:
+def _untold(found: Search, finding: PlantFinding) -> bool:
     """Whether the data tell no parameter of a cause from nothing, nor all of them together: it
     takes what is left of another, and blurs that one."""
     each, together = found.away(finding)

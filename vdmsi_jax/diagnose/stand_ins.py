@@ -9,7 +9,7 @@ from ..config import PlantSpec
 from .body import CAUSES
 from .body_search import BodyFinding, BodySearch
 from .families import BY_DIRECTION, PACE, Explained, better_than, weighed
-from .found import Finding, Search
+from .found import PlantFinding, Search
 from .hypothesis import Refit, responses, without
 from .judge import Scored
 from .lanes import LEADS
@@ -25,7 +25,7 @@ _STILL = 0.3  # of what a cause does to a response, that it does at rest at the 
 
 def stand_ins(
     runs: Runs, searches: Mapping[PlantSpec, Search], bodily: BodySearch | None
-) -> list[tuple[Finding | BodyFinding, Unexplained]]:
+) -> list[tuple[PlantFinding | BodyFinding, Unexplained]]:
     """Causes that were found, and that a kind of error without a name tells better."""
     found = []
     for spec, own in searches.items():
@@ -60,7 +60,7 @@ def stand_ins(
     return found
 
 
-def _pace(own: Search, finding: Finding) -> str:
+def _pace(own: Search, finding: PlantFinding) -> str:
     """What a cause stands in for where only the time that a plant takes is another, and no gain at
     rest; empty else. A vehicle's drive pushes and brakes by different parts."""
     slot = own.stage.slots[finding.number]
@@ -69,7 +69,7 @@ def _pace(own: Search, finding: Finding) -> str:
     return PACE if _moves_alone(own, finding) else ""
 
 
-def _moves_alone(own: Search, finding: Finding) -> bool:
+def _moves_alone(own: Search, finding: PlantFinding) -> bool:
     """Whether a cause bends what pulls the response back only while that moves: where it rests, a
     controller in the plant makes up for it, so that no characteristic is bent."""
     stage, h = own.stage, own.final.hypothesis
@@ -93,7 +93,7 @@ def _instead(channel: str, cause: str, better: Explained) -> Unexplained:
     return Unexplained(channel, share, on, (), words, puzzling=share > PUZZLING, kind=kind)
 
 
-def took(stage: Stage, finding: Finding, final: Refit) -> float:
+def took(stage: Stage, finding: PlantFinding, final: Refit) -> float:
     """Share of the squared error that a cause takes in a model where that was fitted."""
     scored = Scored.of_stage(stage, finding.less, final)
     return max(scored.taken(stage.mask), 0.0)
