@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vdmsi_jax.diagnose.found import PlantFinding, Search
-from vdmsi_jax.diagnose.minor import Weighed, _of_a_bend, changes_somehow, crowd, overshadowed
+from vdmsi_jax.diagnose.minor import Weighed, _is_of_a_bend, changes_somehow, crowd, overshadowed
 from vdmsi_jax.diagnose.noise import BriefNoise, OwnNoise
 from vdmsi_jax.diagnose.result import Estimate
 from weighed_causes import SCORE, SPEC, WEIGHING, finding, judged, named, searched, trial
@@ -19,8 +19,14 @@ def test_an_offset_beside_a_bend_that_never_comes_near_zero_is_part_of_it(least,
     for name, values in (("u", u), ("mask", u >= 0.0), ("held_out", u < 0.0)):
         object.__setattr__(search.stage, name, values)
     offset, bend = (named(c, search=search) for c in ("offset", "gain_nonlinearity"))
-    assert _of_a_bend(offset, [(offset, trial(0.5)), (bend, trial(0.5))]) is part
-    assert not _of_a_bend(offset, [(offset, trial(0.5)), (named("backlash"), trial(0.5))])
+
+    def beside(other):
+        taken = trial(0.5)
+        tried = [(offset, taken), (other, taken)]
+        return Weighed(WEIGHING, offset, taken, finding("offset", 0.5), tried)
+
+    assert _is_of_a_bend(beside(bend)) is part
+    assert not _is_of_a_bend(beside(named("backlash")))
 
 
 def test_four_causes_of_one_actuator_are_one_without_a_name():

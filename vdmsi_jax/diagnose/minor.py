@@ -196,7 +196,13 @@ def _mends(of: Weighed) -> bool:
 
 
 def _is_of_a_bend(of: Weighed) -> bool:
-    return _of_a_bend(of.cause, of.trials)
+    """Of an offset whose actuator never comes near zero."""
+    search = of.cause.search
+    if of.cause.cause != "offset" or search is None:
+        return False
+    sizes = np.abs(search.stage.u[search.stage.mask | search.stage.held_out])
+    bent = any(c.search is search and c.cause == "gain_nonlinearity" for c, _ in of.trials)
+    return bent and bool(sizes.min() > _REACHED * sizes.max())
 
 
 def _rests(of: Weighed) -> bool:
@@ -231,17 +237,6 @@ RULES: tuple[tuple[str, Callable[[Weighed], bool]], ...] = (
     ("the path gets worse with it", _spoils),
 )
 """In their order: the first that holds is the reason."""
-
-
-def _of_a_bend(cause: Named, trials: Sequence[tuple[Named, Trial]]) -> bool:
-    """Whether an offset is but where the tangent of a bent characteristic meets zero, which its
-    actuator never comes near."""
-    if cause.cause != "offset" or cause.search is None:
-        return False
-    stage = cause.search.stage
-    sizes = np.abs(stage.u[stage.mask | stage.held_out])
-    bent = any(c.search is cause.search and c.cause == "gain_nonlinearity" for c, _ in trials)
-    return bent and bool(sizes.min() > _REACHED * sizes.max())
 
 
 def _by_brief_noise(cause: Named) -> bool:

@@ -170,11 +170,10 @@ def on_path(response: Response, *paths: Path) -> Figure:
         (name, *_on_one_path(response, name, [path for path in paths if path.run == name]))
         for name in names
     ]
-    models = list(dict.fromkeys(name for *_, means in drawn for name in means))
-    reach = max(
-        float(np.abs(mean).max(initial=0.0)) for *_, means in drawn for mean in means.values()
-    )
-    tint = Normalize(-(reach or 1.0), reach or 1.0)
+    models = list(drawn[0][-1])  # those of every run
+    every_mean = np.concatenate([mean for *_, means in drawn for mean in means.values()])
+    reach = float(np.abs(every_mean).max(initial=0.0)) or 1.0
+    tint = Normalize(-reach, reach)
     tones = colormaps["coolwarm"].resampled(41)  # so few that the bar is no bitmap
     if len(drawn) == 1:
         rows = [[(*drawn[0], model) for model in models]]
