@@ -29,7 +29,7 @@ LAYERS = (
     {"bands", "compare", "correlation", "sweep", "diagnose", "fusion"},
     {"reproduce"},
     {"plots"},
-    {"report", "terminal"},
+    {"report", "terminal", "process", "usage"},
     {"cli"},
     {"__main__"},
 )

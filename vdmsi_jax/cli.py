@@ -4,22 +4,18 @@ Each command reads its input before it imports what computes, so that bad input 
 """
 
 import contextlib
-import functools
-import inspect
-import io
-import os
-import re
 import sys
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NoReturn
 
-import tyro
 from tyro.conf import Positional, arg
 
 from . import __version__
-from .errors import InputError, nearest
+from .errors import InputError
+from .process import leave, prepare
+from .usage import call_of
 
 Logs = Annotated[tuple[Path, ...], Positional, arg(metavar="LOG...", help_behavior_hint="")]
 File = Annotated[Path, arg(metavar="FILE")]
@@ -55,7 +51,7 @@ def identify(
     records = read_logs(logs, settings)
     options = options_of(logs, settings)
     output_folder(out)
-    _prepare_jax(cache)
+    prepare(cache)
 
     from . import terminal
     from .identify.document import identify_document
@@ -112,7 +108,7 @@ def simulate(
     settings = None if config is None else load_config(config)
     records = read_logs(logs, settings)
     output_folder(out)
-    _prepare_jax(cache)
+    prepare(cache)
 
     from . import terminal
     from .compare import compare, simulation_document, write_trajectories
@@ -164,7 +160,7 @@ def diagnose(
     settings = None if config is None else load_config(config)
     records = read_logs(logs, settings)
     output_folder(out)
-    _prepare_jax(cache)
+    prepare(cache)
 
     from . import terminal
     from .diagnose import diagnose as run
@@ -208,7 +204,7 @@ def sweep(
     from .sweep import SWEEP, plan, summarise
 
     cells = plan(config, out)
-    _prepare_jax(cache)
+    prepare(cache)
 
     from . import terminal
 
@@ -271,7 +267,7 @@ def reproduce(
 
         require_typst()
     output_folder(out)
-    _prepare_jax(cache)
+    prepare(cache)
 
     from . import terminal
     from .reproduce import SHIPPED
@@ -334,6 +330,15 @@ COMMANDS = {
 }
 
 
+def program() -> NoReturn:
+    """Run what the command line asks for, and end the process with its exit code."""
+    try:
+        main()
+    except SystemExit as leaving:
+        leave(leaving.code if isinstance(leaving.code, int) else int(leaving.code is not None))
+    leave(0)
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Run a command and leave with its exit code: 0 when it finished, 2 for input that is refused,
     with one line on standard error."""
@@ -343,7 +348,7 @@ def main(arguments: list[str] | None = None) -> None:
         return
     try:
         with _plain_warnings():
-            _dispatch(arguments)
+            call_of(arguments, COMMANDS)()
     except InputError as refused:
         print(f"vdmsi: {refused}", file=sys.stderr)
         raise SystemExit(2) from None
@@ -368,82 +373,3 @@ def _plain_warnings() -> Iterator[None]:
     with warnings.catch_warnings():
         warnings.showwarning = lambda message, *_, **__: print(f"vdmsi: {message}", file=sys.stderr)
         yield
-
-
-def _prepare_jax(cache: bool) -> None:
-    """Ask for float64, for the CPU unless `JAX_PLATFORMS` names a device, for the cache of compiled
-    programs, and for those to be compiled quickly.
-
-    A command fits a few logs one after the other, in which an accelerator has little to do at once:
-    identify took 2 to 3 and diagnose 5 times as long on an H200 as on the CPU beside it.
-    """
-    import jax
-
-    from vdmsi_jax.programs import compile_quickly
-
-    compile_quickly()
-    jax.config.update("jax_enable_x64", True)
-    if not os.environ.get("JAX_PLATFORMS"):
-        jax.config.update("jax_platforms", "cpu")
-    if not cache:
-        jax.config.update("jax_enable_compilation_cache", False)
-    elif "JAX_COMPILATION_CACHE_DIR" not in os.environ:
-        caches = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
-        jax.config.update("jax_compilation_cache_dir", str(caches / "vdmsi_jax" / "xla"))
-    # Small programs, too: a run compiles over a hundred, and reading one is ten times faster.
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
-
-
-def _delayed(command):
-    """The command as a function that only takes its arguments, and returns the call."""
-
-    @functools.wraps(command)
-    def take(*args, **options):
-        return functools.partial(command, *args, **options)
-
-    return take
-
-
-def _misused(arguments: list[str]) -> InputError | None:
-    """Why arguments that cannot be parsed are wrong, where it is a command or an option that there
-    is not, or --out that is missing; None where it is another thing."""
-    name, *given = arguments or [""]
-    if name not in COMMANDS:
-        if not name or name.startswith("-"):
-            return None
-        mend = nearest(name, COMMANDS)
-        return InputError(name, "", "there is no such command", mend)
-    parameters = inspect.signature(COMMANDS[name]).parameters.values()
-    own = [p for p in parameters if p.kind is p.KEYWORD_ONLY]
-    switches = [p.name for p in own if isinstance(p.default, bool)]
-    options = [*(f"--{p.name}" for p in own), *(f"--no-{switch}" for switch in switches)]
-    named = [word.partition("=")[0] for word in given if re.match(r"--?[a-zA-Z]", word)]
-    for option in named:
-        if option not in options:
-            mend = nearest(option, options)
-            return InputError(name, option, "there is no such option", mend)
-    if "--out" not in named:
-        return InputError(name, "--out", "is missing", "give --out DIR, to write to")
-    return None
-
-
-def _dispatch(arguments: list[str]) -> None:
-    """Parse and run. What tyro says of a wrong usage comes in a box; it is put on one line."""
-    said = io.StringIO()
-    try:
-        with contextlib.redirect_stderr(said):
-            call = tyro.extras.subcommand_cli_from_dict(
-                {name: _delayed(command) for name, command in COMMANDS.items()},
-                prog="vdmsi",
-                description="Name what a simulation gets wrong; identify actuators; simulate. "
-                "`vdmsi --version` tells the version.",
-                args=arguments,
-            )
-    except SystemExit as leaving:
-        if leaving.code and (why := _misused(arguments)):
-            raise why from None
-        if leaving.code:
-            lines = [line.strip("╭╮╰╯│─ \n") for line in said.getvalue().splitlines()]
-            print("vdmsi:", "; ".join(filter(None, lines)), file=sys.stderr)
-        raise
-    call()

@@ -74,7 +74,7 @@ def test_without_a_configuration_whole_runs_of_three_are_held_out(tmp_path, monk
     monkeypatch.setattr(vehicle, "each_plant", ask)
     log, other = write_csv(tmp_path / "log.csv", drive()), tmp_path / "other.toml"
     other.write_text("[identify]\nsplit = 'blocks'\n")
-    monkeypatch.setattr(cli, "_prepare_jax", lambda cache: None)
+    monkeypatch.setattr(cli, "prepare", lambda cache: None)
     silent = tmp_path / "silent.toml"
     silent.write_text("[vehicle]\nl_f = 1.0\nl_r = 1.0\n")
     for config in (None, other, silent):

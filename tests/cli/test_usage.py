@@ -100,8 +100,8 @@ PREPARED = """
 import os
 import jax
 import jax.numpy as jnp
-from vdmsi_jax.cli import _prepare_jax
-_prepare_jax(cache=False)
+from vdmsi_jax.process import prepare
+prepare(cache=False)
 print(jax.config.jax_platforms, os.environ.get("XLA_FLAGS", ""), flush=True)
 print(jnp.ones(3).sum())
 """
@@ -146,6 +146,24 @@ def test_what_cannot_be_a_file_is_refused_in_one_line(here, tmp_path, log, said)
 def test_the_package_is_a_program_too():
     asked = [sys.executable, "-m", "vdmsi_jax", "--version"]
     assert subprocess.run(asked, capture_output=True, text=True).stdout.startswith("vdmsi ")
+
+
+@pytest.mark.parametrize(
+    ("leaving", "code"),
+    [("pass", 0), ("sys.exit()", 0), ("sys.exit(130)", 130), ("sys.exit('no')", 1)],
+)
+def test_the_program_leaves_with_what_was_said_and_the_code_of_its_command(leaving, code):
+    asked = f"""
+import sys
+from vdmsi_jax import cli
+def main():
+    sys.stdout.write("said")
+    {leaving}
+cli.main = main
+cli.program()
+"""
+    ended = subprocess.run([sys.executable, "-c", asked], stdout=subprocess.PIPE, text=True)
+    assert (ended.returncode, ended.stdout) == (code, "said")
 
 
 def test_numbers_of_absurd_size_in_a_model_are_refused(here, tmp_path):
