@@ -12,7 +12,7 @@ Source: Theiler et al., Testing for nonlinearity in time series: the method of s
 import numpy as np
 from jaxtyping import Bool, Float
 
-from .windows import SLOW, history, moving_mean
+from .windows import history, slow_part
 
 IMITATORS = frozenset(
     ("gain_drift", "regime_change", "periodic_disturbance", "road_grade", "offset", "resonance")
@@ -79,7 +79,7 @@ def scores(
         energy = energy - energy.mean(axis=1, keepdims=True)
         along = np.abs(energy @ rows.T).max(axis=1, initial=0.0)
         along /= np.sqrt(np.sum(energy**2, axis=1) + 1e-300)
-        slow = moving_mean(e, SLOW, dt)[:, mask]
+        slow = slow_part(e, dt)[:, mask]
         slow = slow - slow.mean(axis=1, keepdims=True)
         squares = slow**2
         rare = np.mean(squares**2, axis=1) / np.mean(squares, axis=1) ** 2
@@ -107,7 +107,7 @@ def apart(e: Float[np.ndarray, "R N"], mask: Bool[np.ndarray, "R N"], dt: float)
         mask: samples that count.
         dt: sample period, s.
     """
-    slow = moving_mean(np.where(mask, e, 0.0), SLOW, dt)
+    slow = slow_part(np.where(mask, e, 0.0), dt)
     runs = [row[use] for row, use in zip(slow, mask, strict=True) if use.sum() * dt > _LASTS]
     if len(runs) < 2:
         return 0.0

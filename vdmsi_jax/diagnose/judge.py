@@ -12,7 +12,7 @@ from .colour import whiten
 from .hypothesis import Refit
 from .result import Gain
 from .stage import Stage
-from .windows import BLOCK, SLOW, block_sums, blocks_in, moving_mean
+from .windows import BLOCK, block_sums, blocks_in, slow_part
 
 _STEADY, _VERY_STEADY = 2.0, 3.0  # standard errors by blocks
 _MUCH, _MOST, NEARLY_ALL = 0.25, 0.5, 0.85  # share of the squared error
@@ -70,7 +70,7 @@ class Scored:
     def fast(self, use: Bool[np.ndarray, "R N"], dt: float) -> float:
         """Share of what the cause changes that is faster than a slow error."""
         change = np.where(use, self.after - self.before, 0.0)
-        rest = change - moving_mean(change, SLOW, dt)
+        rest = change - slow_part(change, dt)
         return float(np.sum(rest[use] ** 2)) / max(float(np.sum(change**2)), 1e-300)
 
 

@@ -51,6 +51,8 @@ _PEAKED = (
 _OF_A_KIND = 0.5  # of a slow error of the yaw rate, that a kind explains which is no wind then
 _MOST = 0.5  # of the response's spread, an error from which on a model says little of it: of seven
 # exams no clean log, and none of a cause that the library has, was left with more than 0.4
+_OF_ITSELF = {HYSTERESIS: PUZZLING, PACE: 0.1}  # share of what is left, from which on these are no
+# form of a play, friction or limit of a rate: of 2800 hunted drives no such name was right
 _NEXT_TO = 0.02  # of the time, that a change may lie before or behind a part
 
 
@@ -190,8 +192,8 @@ def _of_a_kind(
     words, on = f"{kind.family.words} would explain it", kind.family.depends_on
     size = float(np.sqrt(kind.share * np.mean(e[use] ** 2))) / extent(y[use])
     known = [c for c in causes if c in (kind.family.causes or ())]
-    if kind.family.words in (HYSTERESIS, PACE) and kind.share > PUZZLING:
-        known = []  # no play, friction or limit of a rate: of 2000 hunted drives none was right
+    if kind.share > _OF_ITSELF.get(kind.family.words, 1.0):
+        known = []
     if known:
         words = f"{known[0]} has another form; {words}"
     if size < SMALL:
@@ -280,14 +282,15 @@ def _of_body(runs: Runs, found: BodySearch) -> list[Unexplained]:
     left = _of_a_kind("r", kind, causes, e, body.measured["r"], masks[0])
     left += structure("r", e, white, *masks, runs.begins, body.dt)
     response = body.measured["r"]
-    nothing, moves = np.empty((0, *e.shape)), moving(body.v, masks[0] | masks[1])
-    noise = slow_noise(body.repeats, e, masks[0] | masks[1], body.dt)
-    slow = slow_error("r", e, white, response, nothing, masks, body.dt, noise, moves)
+    known = masks[0] | masks[1]
+    needs, moves = demands(body.delta, response - e, known, body.dt), moving(body.v, known)
+    noise = slow_noise(body.repeats, e, known, body.dt)
+    slow = slow_error("r", e, white, response, needs, masks, body.dt, noise, moves, ground=True)
     if slow is not None and slow.steady and kind is not None and kind.share > _OF_A_KIND:
         slow = replace(slow, steady=False, puzzling=True)
     if slow is not None:
         left.append(slow)
-    left = beside_response(left, e, response, masks[0] | masks[1])
+    left = beside_response(left, e, response, known)
     for failed in found.failed:
         if failed.finding.gain > _LOUD and failed.share > _SEEN and not failed.usual:
             cause = CAUSES[failed.finding.number]

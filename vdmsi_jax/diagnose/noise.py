@@ -16,7 +16,7 @@ from jaxtyping import Bool, Complex, Float
 
 from ..errors import InputError
 from .colour import autoregression, filter_length, forgetting, predicted
-from .windows import SLOW, moving_mean
+from .windows import slow_part
 
 _SAME = 0.01  # rms difference of commands, of their spread, up to which they are the same
 _SHARED = 0.6  # of the shorter run, that both must have
@@ -162,7 +162,7 @@ class KnownNoise(Noise):
 
 def _slow(samples: Float[np.ndarray, "R N"], counted: Bool[np.ndarray, "R N"], dt: float) -> float:
     """Standard deviation of the slow part of noise."""
-    slow = moving_mean(np.where(counted, samples, 0.0), SLOW, dt)
+    slow = slow_part(np.where(counted, samples, 0.0), dt)
     return float(np.sqrt(np.mean(slow[counted] ** 2)))
 
 

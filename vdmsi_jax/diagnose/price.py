@@ -41,7 +41,8 @@ def price(stage: Stage, h: Hypothesis) -> float:
     """What a hypothesis must gain in twice the log-likelihood to be worth its parameters; nothing
     is worth a response that comes before its command by more than stamps of time are off, nor a
     change of gain that is none: the lag that comes with it would be one pole more of the plant; nor
-    a drift that is over at once, nor a plant that grows by itself."""
+    a drift that is over at once, nor what swings too seldom to be told from a level of each run or
+    a trend, nor a plant that grows by itself."""
     slots = [stage.slots[number] for number in h.active]
     early = -EARLY * stage.dt
     if any(s.cause == "transport_delay" and h.theta[s.index[0]] < early for s in slots):
@@ -49,6 +50,9 @@ def price(stage: Stage, h: Hypothesis) -> float:
     if any(s.cause == "regime_change" and abs(h.theta[s.index[1]]) < CHANGE for s in slots):
         return math.inf
     if any(s.cause == "gain_drift" and _is_over(stage, h, s) for s in slots):
+        return math.inf
+    frequency = h.frequency(stage)
+    if frequency is not None and swing.drifts(stage, frequency):
         return math.inf
     if growth(stage, [h])[0] > GROWTH:
         return math.inf

@@ -55,7 +55,7 @@ def peaks(
     found: dict[int, tuple[float, np.ndarray]] = {}
     for x in (white, e):
         power = np.sum(np.abs(np.fft.rfft(x, size)) ** 2, axis=0)
-        power[lines < 1.5 / stage.scales.duration] = 0.0
+        power[lines < FEWEST / stage.scales.duration] = 0.0
         for frequency, damping in _modes(stage, theta, active):
             width = max(2.0 * damping * frequency, 2.0 / stage.scales.duration)
             power[np.abs(lines - frequency) < width] = 0.0

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 from ..data.noise import white_noise_std
 from .disturbance import apart, scores
 from .result import Unexplained
-from .windows import SLOW, moving_mean
+from .windows import slow_part
 
 BURSTS = "energy of short windows"
 """The test that drop-outs and knocks fail."""
@@ -111,6 +111,7 @@ def slow_error(
     noise: float = 0.0,
     moving: Bool[np.ndarray, "R N"] | bool = True,
     time_constant: float = 0.0,
+    ground: bool = False,
 ) -> Unexplained | None:
     """A slow error that is large beside the response: noise with a colour can imitate anything that
     is slow, so no innovation shows it, and its size is what tells it. One that neither goes with
@@ -121,8 +122,7 @@ def slow_error(
         channel: its name.
         residual: what the model leaves; `innovations`: the same whitened.
         response: what was measured.
-        asked: `disturbance.demands`; none where rough ground goes with them, too, as it does where
-            the yaw rate is concerned, so that only events tell.
+        asked: `disturbance.demands`, or none.
         masks: samples that were fitted, and those that were not.
         dt: sample period, s.
         noise: standard deviation of what is slow and known to be noise.
@@ -130,36 +130,39 @@ def slow_error(
             would seem to go with what is asked.
         time_constant: of the plant, s: few of them hint at nothing, whatever makes the error, and
             a small error of the first few of a run is what went on before.
+        ground: whether rough ground goes with what is asked, too, as it does where the yaw rate is
+            concerned, so that only events tell.
     """
     known = masks[0] | masks[1]
     begun = known & _begun(known, max(_BEGINS, _BEGUN * time_constant) / dt)
+    counts = np.array([not ground, True])  # what goes with what is asked, and what is rare
     scored = None
     for use, least in zip(masks, (LARGE, LARGE_HELD_OUT), strict=True):
         if not use.any():
             continue
-        slow = moving_mean(np.where(use, residual, 0.0), SLOW, dt)[use]
+        slow = slow_part(np.where(use, residual, 0.0), dt)[use]
         size = float(np.sqrt(max(np.mean(slow**2) - noise**2, 0.0)))
         fast = float(np.sqrt(np.mean(innovations[use] ** 2)))
         spread = extent(response[use])
         if size < max(SMALL * spread, noise):
             continue
         scored = scored or scores(residual, asked, known & moving, dt)
-        along, rare = scored
+        along, rare = counts * scored
         large = size > max(least * spread, _BESIDE * fast)
         if not large and max(along, rare) < _SURELY:
             continue
-        if not large and max(scores(residual, asked, begun & moving, dt)) < _SURELY:
+        if not large and max(counts * scores(residual, asked, begun & moving, dt)) < _SURELY:
             continue
         parted = apart(residual, known, dt)
         made = along > _GOES_ALONG or rare > _RARE or parted > _APART
         share = min(size**2 / max(float(np.mean(residual[use] ** 2)), 1e-300), 1.0)
         size /= spread
         words = f"a slow error of {100.0 * size:.0f} % of the response's spread"
-        steady = not made and (not len(asked) or size < _HUGE)
+        steady = not made and (ground or not len(asked) or size < _HUGE)
         puzzling = not steady and size > _SUBTLE
         long = bool(known.sum() * dt > _LONG * time_constant)
         even = steady and long and len(asked) > 0
-        even = even and max(along, rare) < _EVEN and parted < _APART_AT_ALL
+        even = even and max(scored) < _EVEN and parted < _APART_AT_ALL
         return Unexplained(
             channel, share, ("t",), (), words, puzzling, size, steady=steady, even=even
         )
@@ -181,7 +184,7 @@ def slow_sizes(
     """Slow error of a response's spread, on data fitted and held out; zero where there are none."""
     sizes = []
     for use in masks:
-        slow = moving_mean(np.where(use, residual, 0.0), SLOW, dt)[use]
+        slow = slow_part(np.where(use, residual, 0.0), dt)[use]
         sizes.append(float(np.sqrt(np.mean(slow**2))) / extent(response[use]) if use.any() else 0.0)
     return sizes[0], sizes[1]
 
@@ -249,7 +252,7 @@ def _worse(e, residual, mask, held_out, dt):
     settled[:, : round(_BEGINS / dt)] = False
     if settled.sum() < 200 or mask.sum() < 200:
         return None
-    e = e - moving_mean(np.where(mask | held_out, e, 0.0), SLOW, dt)  # `slow_error` tells the rest
+    e = e - slow_part(np.where(mask | held_out, e, 0.0), dt)  # `slow_error` tells the rest
     ratio = float(np.mean(e[settled] ** 2) / np.mean(e[mask] ** 2))
     there, here = (
         white_noise_std([row[own] for row, own in zip(residual, use, strict=True) if own.any()])

@@ -22,6 +22,12 @@ def moving_mean(
     return (total[..., 2 * half + 1 :] - total[..., : -2 * half - 1]) / (2 * half + 1)
 
 
+def slow_part(x: Float[np.ndarray, "... N"], dt: float) -> Float[np.ndarray, "... N"]:
+    """Centred mean over `SLOW` seconds, or more where samples are so far apart that a single one
+    would be much of it."""
+    return moving_mean(x, max(SLOW, _SAMPLES * dt), dt)
+
+
 def history(x: Float[np.ndarray, "R N"], seconds: float, dt: float) -> Float[np.ndarray, "R N"]:
     """Exponential mean of the past, over a time constant in s."""
     n = x.shape[1]
