@@ -5,6 +5,8 @@ import pytest
 
 from vdmsi_jax.diagnose.families import (
     MEMORY,
+    PLAIN,
+    Explained,
     better_than,
     explained,
     of_body,
@@ -128,6 +130,22 @@ def test_an_effect_of_the_fitted_runs_alone_is_told_by_no_name_of_a_kind():
     error = np.where(MASK, bouc_wen(y) - y, 0.0) + noise(rng)
     found = judged(error, u, y)
     assert found is not None and found.family.causes is None
+
+
+def test_a_function_that_data_held_out_refute_is_none_however_plain_it_was():
+    rng = np.random.default_rng(4)
+    u = steps(rng)
+    y = lagged(u, 0.2)
+    bent = 0.1 * np.abs(y - 0.2)
+    linear, families = of_plant(u, y, np.zeros_like(u), T, ("u", "y"), MASK, DT)
+    of_states = [f for f in families if f.causes is None]
+
+    def told(elsewhere: float) -> Explained:
+        error = np.where(MASK, bent, elsewhere * bent) + noise(np.random.default_rng(5))
+        return weighed(error, linear, of_states, MASK, ~MASK, DT)[0]
+
+    assert told(1.0).sure()
+    assert told(-1.0).statistic > PLAIN and not told(-1.0).sure()
 
 
 def test_a_cause_gives_way_to_another_kind_that_explains_more_and_not_to_its_own():

@@ -73,6 +73,17 @@ def test_a_drift_that_is_over_at_once_is_worth_nothing(seconds, worth):
     assert math.isfinite(price(STAGE, Hypothesis(1, 0, (number,), theta))) is worth
 
 
+@pytest.mark.parametrize(("hertz", "worth"), [(0.05, False), (0.5, False), (1.0, True)])
+def test_what_swings_too_seldom_is_a_trend_and_worth_nothing(hertz, worth):
+    """In runs of 4 s."""
+    number = [slot.cause for slot in STAGE.slots].index("periodic_disturbance")
+    theta = STAGE.off.copy()
+    theta[[0, POLES]] = 1.0
+    theta[STAGE.slots[number].index[0]] = hertz
+    swing = np.ones((RUNS, 2))
+    assert math.isfinite(price(STAGE, Hypothesis(1, 0, (number,), theta, swing))) is worth
+
+
 def with_pole(exponent: float) -> Hypothesis:
     """First order, whose pole grows by that over a run."""
     theta = STAGE.off.copy()
