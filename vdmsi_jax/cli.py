@@ -14,7 +14,7 @@ from tyro.conf import Positional, arg
 
 from . import __version__
 from .errors import InputError
-from .process import leave, prepare
+from .process import ahead, leave, prepare
 from .usage import call_of
 
 Logs = Annotated[tuple[Path, ...], Positional, arg(metavar="LOG...", help_behavior_hint="")]
@@ -167,6 +167,8 @@ def diagnose(
     from .diagnose.document import diagnosis_document
     from .model_file import save_model
 
+    if report:
+        ahead("vdmsi_jax.report.diagnosis")
     with terminal.working("diagnosing") as say:
         found = run(records, told=say)
     write_json(out / "diagnosis.json", diagnosis_document(found))

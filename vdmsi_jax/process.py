@@ -3,7 +3,9 @@
 import gc
 import os
 import sys
+import threading
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 from typing import NoReturn
 
@@ -33,6 +35,12 @@ def prepare(cache: bool) -> None:
     # Small programs, too: a run compiles over a hundred, and reading one is ten times faster.
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     gc.set_threshold(_OBJECTS, _YOUNG, _OLD)  # tracing makes many objects, and hardly a cycle
+
+
+def ahead(module: str) -> None:
+    """Import a module that is needed later, beside other work: half a second with matplotlib. That
+    work must not import what it imports."""
+    threading.Thread(target=import_module, args=(module,), daemon=True).start()
 
 
 def leave(code: int) -> NoReturn:

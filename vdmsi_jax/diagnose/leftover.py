@@ -3,10 +3,12 @@
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from ..config import PlantSpec
+from ..threads import each
 from .body import CAUSES, Body
 from .body_fit import BodyFit, residual
 from .body_search import BodySearch
@@ -65,14 +67,17 @@ def leftover(
 ) -> list[Unexplained]:
     """What the final models leave in the responses of the plants, of which a controller answers
     those of `loops` and makes the commands of those that are `echoing`, and in the yaw rate."""
-    found = []
-    for spec, own in searches.items():
-        loud = _LOUD_ECHO if spec.output in echoing else _LOUD
-        found += _of_stage(runs, spec, own, spec.output in loops, loud)
+    looks = [
+        partial(_of_stage, runs, spec, own, spec.output in loops, spec.output in echoing)
+        for spec, own in searches.items()
+    ]
     if bodily is not None:
-        found += _of_body(runs, bodily) + jumps_of_pose(runs.begins, bodily)
-        found += _of_compass(runs, bodily)
-    return found
+        looks += [
+            partial(_of_body, runs, bodily),
+            partial(jumps_of_pose, runs.begins, bodily),
+            partial(_of_compass, runs, bodily),
+        ]
+    return [left for every in each(lambda look: look(), looks) for left in every]
 
 
 def is_another(own: Search) -> bool:
@@ -121,9 +126,10 @@ def _broken(label: str, channel: str, fraction: float, size: float = math.inf) -
 
 
 def _of_stage(
-    runs: Runs, spec: PlantSpec, own: Search, loaded: bool, loud: float
+    runs: Runs, spec: PlantSpec, own: Search, loaded: bool, echoes: bool
 ) -> list[Unexplained]:
     stage, final = own.stage, own.final
+    loud = _LOUD_ECHO if echoes else _LOUD
     e = np.where(stage.mask | stage.held_out, stage.y - final.y, 0.0)
     evenly = evenly_of(runs, spec)
     white = whiten(e[None], final.colour[None])[0] * evenly

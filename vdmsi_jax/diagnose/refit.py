@@ -38,6 +38,8 @@ from .hypothesis import (
 from .stage import Stage
 from .windows import inverse
 
+PATIENT = 5
+"""Rounds of a refit whose way is long."""
 _SETTLED = 0.05  # gain of twice the log-likelihood by a step after which a lane rests
 _HELPS = 2.0  # gain above which steps make slopes old, and old ones still help
 _FAR = 10.0  # gain of a round, above which another follows

@@ -20,7 +20,7 @@ from .judge import Scored, confirmed, gain_of
 from .noise import BriefNoise, OwnNoise
 from .outcome import completed
 from .price import CAUSE_COST, score
-from .refit import refit
+from .refit import PATIENT, refit
 from .rivals import findings_of, worths
 from .screen import acts_in_steps
 from .selection import climbed
@@ -300,7 +300,7 @@ def _borne_out(found: Search, seen: Mapping[tuple, Refit], known: set[int]) -> R
     more = hilly(stage.fitting, h) if errs_slowly(stage, final) else []
     fits = [
         f
-        for f in [*seen.values(), *refit(stage.fitting, more)]
+        for f in [*seen.values(), *refit(stage.fitting, more, rounds=PATIENT)]
         if f.adds_one_to(had)
         if not known & (set(f.hypothesis.active) - had)
         if f.loglik > final.loglik and (takes_much(f) or score(stage, f) > as_good)

@@ -10,7 +10,7 @@ from .hypothesis import Hypothesis, Refit
 from .lanes import POLES
 from .outcome import steadiness
 from .price import price, score
-from .refit import refit
+from .refit import PATIENT, refit
 from .screen import Candidate, leading, screen
 from .stage import Stage
 from .starts import (
@@ -42,7 +42,6 @@ _FINER = 4  # starts of finer forms that are refitted
 _GROWS, _GROWN = 50.0, 3  # what a cause in a small plant must gain for larger ones to be tried with
 # it, and how many causes or forms are
 _REACH = 60.0  # that a candidate may lie behind the best after a few steps
-_PATIENT = 5  # rounds of a refit whose way is long
 _PASSED, _PASSED_BY = 0.4, 2  # of what the first cause is worth, from which on another may be the
 # better beginning, and how many are followed
 
@@ -150,7 +149,7 @@ def _refitted(
     starts, patient = ([h for h in own if allowed >= set(h.active)] for own in (starts, patient))
     most = max((c.gain for c in promising), default=0.0)
     several = partial(refit, worth=worth, reach=max(_REACH, 0.5 * most))
-    fits = [*several(stage, starts), *refit(stage, patient, rounds=_PATIENT)]
+    fits = [*several(stage, starts), *refit(stage, patient, rounds=PATIENT)]
     fits += several(stage, afresh) if afresh else []
     return best_of_each([*fits, *refit(stage, mirrored(stage, fits))])
 
