@@ -39,6 +39,18 @@ def test_samples_that_stand_alone_are_filled_in_and_no_longer_count_as_measured(
     assert np.array_equal(mended["u"], log["u"])
 
 
+def test_on_a_slope_a_sample_to_which_and_from_which_it_steps_is_one():
+    """Off those about it by less than these are off their middle on the slopes, which are long."""
+    slopes = 2.0 * np.abs((0.5 * T) % 2.0 - 1.0) + 0.01 * np.random.default_rng(2).standard_normal(
+        ROWS
+    )
+    log = record(slopes)
+    assert without_outliers(log) == (log, {})
+    found, counts = without_outliers(record(spoilt(slopes, by=0.25)))
+    assert counts == {"y": len(AT)}
+    np.testing.assert_array_less(np.abs(found["y"] - slopes), 0.1)
+
+
 def test_what_was_filled_in_before_stays_so_and_counts_for_nothing():
     known = np.zeros(ROWS, bool)
     known[AT[:1]] = known[30] = True

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Shaped
 
 from .record import Record
 
@@ -42,7 +42,10 @@ def without_outliers(record: Record) -> tuple[Record, dict[str, int]]:
         alone = np.zeros(record.n, bool)
         for segment in record.segments:
             own = values[segment.samples]
-            alone[segment.samples] = _short(_far(own, _step(own)) & ~_turning(own))
+            far = _far(own, _step(own)) & ~_turning(own)
+            # between two outliers a signal steps back and forth as well
+            far |= _there_and_back(own) & ~_about(far).any(axis=1)
+            alone[segment.samples] = _short(far)
             alone[segment.start : segment.start + _stale(own)] = True
         alone &= record.measured(name) & ~pulses
         if not 0 < alone.sum() <= _RARE * record.n:
@@ -71,6 +74,21 @@ def _far(x: Float[np.ndarray, " n"], usual: float = 0.0) -> Bool[np.ndarray, " n
     far = _stands_out(off_middle, rare, usual) & _stands_out(off_way, 5.0 * rare, usual)
     far[:_ABOUT] = far[-_ABOUT:] = False  # a run may begin and end in the middle of anything
     return far & foremost
+
+
+def _there_and_back(x: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Samples to which a signal steps and from which it steps back, by much more than its way ever
+    bends else: on a slope, the median of those about them is no measure."""
+    if x.size <= 2 * _ABOUT:
+        return np.zeros(x.size, bool)
+    steps = np.diff(x, prepend=x[:1], append=x[-1:])
+    steps -= np.median(_about(steps), axis=1)
+    there, back = steps[:-1], steps[1:]
+    size = np.where(there * back < 0.0, np.minimum(np.abs(there), np.abs(back)), 0.0)
+    tail = _BEYOND * np.quantile(np.abs(steps), 1.0 - 2.0 * _RARE)  # an outlier has two steps
+    found = size > max(float(tail), _step(x))
+    found[:_ABOUT] = found[-_ABOUT:] = False
+    return found
 
 
 def _stale(x: Float[np.ndarray, " n"]) -> int:
@@ -107,7 +125,7 @@ def _turning(x: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
     return found
 
 
-def _about(x: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 9"]:
+def _about(x: Shaped[np.ndarray, " n"]) -> Shaped[np.ndarray, "n 9"]:
     """Each sample among those before and behind, the ends repeated."""
     padded = np.pad(x, _ABOUT, mode="edge")
     return np.lib.stride_tricks.sliding_window_view(padded, 2 * _ABOUT + 1)
