@@ -1,5 +1,7 @@
 """What a cause is told against: the model without it, unless the plain plant is much better."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ import vdmsi_jax as vj
 from vdmsi_jax.diagnose import budget
 from vdmsi_jax.diagnose.found import PlantFinding, Search
 from vdmsi_jax.diagnose.hypothesis import Hypothesis, Refit
+from vdmsi_jax.diagnose.lanes import POLES
 from vdmsi_jax.diagnose.naming import Named
 from vdmsi_jax.diagnose.prepare import stage_of
 from vdmsi_jax.diagnose.runs import lay_out
@@ -35,6 +38,21 @@ def test_a_model_that_errs_more_than_the_plain_plant_is_not_what_one_would_take(
     beside = PlantFinding(0, 50.0, off_by(2.0))
     plain, final = off_by(1.0), off_by(0.1)
     search = Search(STAGE, plain, plain, final, (finding, beside))
+    error = search.usable_without(finding).y - STAGE.y
+    assert np.mean(error**2) == pytest.approx(told)
+
+
+@pytest.mark.parametrize(("lasts", "told"), [(2.0, 3.0), (0.2, 1.0)])
+def test_a_mode_that_outlasts_the_runs_tells_a_drift_by_another_name(lasts, told):
+    """In times of the run."""
+    slow = 1.0 / (lasts * STAGE.u.size * STAGE.dt * STAGE.pace)
+    theta = STAGE.off.copy()
+    theta[:2] = np.poly([-1.0, -slow])[1:]
+    theta[POLES : POLES + 2] = 1.0, 1.2 * slow
+    plain = replace(off_by(1.0), hypothesis=Hypothesis(2, 1, (), theta))
+    number = [slot.cause for slot in STAGE.slots].index("gain_drift")
+    finding = PlantFinding(number, 100.0, off_by(np.sqrt(3.0)))
+    search = Search(STAGE, plain, plain, off_by(0.1), (finding,))
     error = search.usable_without(finding).y - STAGE.y
     assert np.mean(error**2) == pytest.approx(told)
 

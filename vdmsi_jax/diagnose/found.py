@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ..config import PlantSpec
-from .disguise import backward
+from .disguise import backward, lingers
 from .hypothesis import Refit
 from .stage import Stage
 
@@ -92,9 +92,10 @@ class Search:
     def usable_without(self, finding: PlantFinding) -> Refit:
         """The model without a cause, or the plain plant where the other causes are of no use
         without it: nobody would take a model that errs by so much more. Not for what poles and
-        zeros tell."""
+        zeros tell, as a mode that outlasts the runs tells a drift."""
         less, stage = self.without(finding), self.stage
-        if stage.slots[finding.number].cause in _LINEAR:
+        cause = stage.slots[finding.number].cause
+        if cause in _LINEAR or (cause == "gain_drift" and lingers(stage, self.plain.hypothesis)):
             return less
         errors = [float(np.mean((stage.y - f.y)[self.judges] ** 2)) for f in (less, self.plain)]
         return self.plain if errors[0] > _BROKEN * errors[1] else less
