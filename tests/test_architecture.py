@@ -23,7 +23,7 @@ LAYERS = (
     {"config"},
     {"data"},
     {"models", "effects", "model_file"},
-    {"metrics", "scenarios", "control"},
+    {"metrics", "scenarios", "control", "first_look"},
     {"simulate", "sensitivity", "testbed"},
     {"identify"},
     {"bands", "compare", "correlation", "sweep", "diagnose", "fusion"},

@@ -54,8 +54,9 @@ def identify(
     prepare(cache)
 
     from . import terminal
+    from .data import uncommanded
     from .identify.document import identify_document
-    from .identify.vehicle import identified_and_refused, uncommanded
+    from .identify.vehicle import identified_and_refused
 
     with terminal.working("identifying"):
         grids, refused = identified_and_refused(records, options=options)

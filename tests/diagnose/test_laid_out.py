@@ -7,13 +7,13 @@ import pytest
 
 import vdmsi_jax as vj
 from vdmsi_jax.config import PlantSpec
+from vdmsi_jax.data import uncommanded
 from vdmsi_jax.diagnose.contradictions import contradictions
 from vdmsi_jax.diagnose.diagnose import _left_out, plants_of
 from vdmsi_jax.diagnose.prepare import body_of, stage_of
 from vdmsi_jax.diagnose.runs import lay_out, slower
 from vdmsi_jax.diagnose.unexplained import structure
 from vdmsi_jax.errors import InputError
-from vdmsi_jax.identify.vehicle import uncommanded
 
 PLANT = PlantSpec("plant", "u", "y")
 CAR = vj.VehicleGeometry(1.0, 1.0)

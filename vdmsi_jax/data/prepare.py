@@ -237,29 +237,3 @@ def _plants(config: Config, channels: Mapping[str, np.ndarray]) -> tuple[PlantSp
                 mend = f"{nearest(channel, channels)}, or name its column: [columns] {channel}"
                 raise InputError(config.source, place, problem, mend)
     return config.plants or plants_among(channels)
-
-
-def check_excitation(record: Record, plant: PlantSpec) -> None:
-    """Refuse a record from which nothing can be learnt about a plant.
-
-    Args:
-        record: the record.
-        plant: which channel answers to which.
-
-    Raises:
-        InputError: a channel is not there, the command never changes, or the response is zero or
-            constant throughout.
-    """
-    command, response = record[plant.input], record[plant.output]
-    if np.ptp(command) <= 1e-12 * np.abs(command).max():
-        problem = f"the command of {plant.name} is {command[0]:g} in all {record.n} samples"
-        mend = "record a run in which it changes, or name another input"
-        raise InputError(record.source, plant.input, problem, mend)
-    if not response.any():
-        problem = f"the response of {plant.name} is zero in all {record.n} samples"
-        mend = "check that the sensor was logged, or name another output"
-        raise InputError(record.source, plant.output, problem, mend)
-    if np.ptp(response) <= 1e-12 * np.abs(response).max():
-        problem = f"the response of {plant.name} is {response[0]:g} in all {record.n} samples"
-        mend = "check the sensor, or name another output"
-        raise InputError(record.source, plant.output, problem, mend)

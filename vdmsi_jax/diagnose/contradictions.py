@@ -9,7 +9,7 @@ import numpy as np
 
 from ..config import PlantSpec
 from ..data.record import Record
-from ..identify.first_order import first_look
+from ..first_look import first_look
 from ..models.bicycle import Bicycle
 from .windows import moving_mean
 

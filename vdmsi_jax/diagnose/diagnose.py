@@ -9,13 +9,12 @@ import jax
 import numpy as np
 
 from ..config import PlantSpec, VehicleGeometry, canonical_of
-from ..data import check_excitation
+from ..data import check_excitation, uncommanded
 from ..data.outliers import without_outliers
 from ..data.record import Record
 from ..data.session import in_session
 from ..data.slow_sensors import between_their_samples
 from ..errors import InputError
-from ..identify.vehicle import uncommanded
 from ..programs import make_room
 from ..threads import AT_ONCE, one_for_blas
 from .body_search import search_body

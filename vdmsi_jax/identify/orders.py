@@ -13,8 +13,8 @@ from vdmsi_jax import metrics
 from vdmsi_jax.config import IdentifyOptions, PlantSpec
 from vdmsi_jax.data.record import Record
 from vdmsi_jax.errors import InputError
+from vdmsi_jax.first_look import first_look
 from vdmsi_jax.identify.acceleration import measures_acceleration, speed_of
-from vdmsi_jax.identify.first_order import first_look
 from vdmsi_jax.identify.layout import Samples, Scale, lay_out
 from vdmsi_jax.identify.most_moved import most_moved
 from vdmsi_jax.identify.response import N_LINEAR, N_MAX

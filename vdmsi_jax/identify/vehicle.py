@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
-from vdmsi_jax.config import DEFAULT_PLANTS, IdentifyOptions, PlantSpec
+from vdmsi_jax.config import IdentifyOptions, PlantSpec
 from vdmsi_jax.data import check_excitation
 from vdmsi_jax.data.record import Record
 from vdmsi_jax.errors import InputError
@@ -78,16 +78,3 @@ def _excited(records: Sequence[Record], plant: PlantSpec) -> list[Record]:
     if not chosen:
         raise refused[0]
     return chosen
-
-
-def uncommanded(records: Sequence[Record], plants: Sequence[PlantSpec]) -> list[str]:
-    """Actuators of which the response was logged and the command was not, in words."""
-    asked = {plant.output for plant in plants}
-    return [
-        f"The {own.name} was not looked at: {own.output} was logged, and its command {own.input} "
-        "was not, or by another name: give its column in [columns]."
-        for own in DEFAULT_PLANTS
-        if own.output not in asked
-        and all(own.output in r and own.input not in r for r in records)
-        and records[0].vehicle is not None
-    ]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from vdmsi_jax.identify import first_order
-from vdmsi_jax.identify.first_order import first_look
+from vdmsi_jax import first_look as module
+from vdmsi_jax.first_look import first_look
 
 LAG, DELAY, LONGEST = 12.0, 7, 40  # samples
 N = 3000
@@ -71,7 +71,7 @@ def test_segments_are_looked_at_together():
 
 
 def test_a_long_segment_is_looked_at_in_pieces(monkeypatch):
-    monkeypatch.setattr(first_order, "_LONGEST", 1000)
+    monkeypatch.setattr(module, "_LONGEST", 1000)
     u, y = lagged()
     u[:1000] = 0.0  # nothing moves in the first piece
     y[:1000] = y[999]

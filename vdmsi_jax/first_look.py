@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vdmsi_jax.identify.result import Floats
+Floats = NDArray[np.float64]
 
 _LAGS = 24  # time constants tried, from half a sample to a quarter of the record
 _LONGEST = 1 << 15  # samples of a segment that are looked at in one
