@@ -187,6 +187,18 @@ def test_the_residuals_of_several_runs_share_a_picture_and_a_scale():
     assert scale[1] == -scale[0] > 0.0
 
 
+@pytest.mark.parametrize("size", [0.0026, 0.056, 300.0])
+def test_the_numbers_of_a_scale_leave_room_for_its_label(size):
+    d = made_up_diagnosis.explained()
+    response = d.responses[0]
+    swing = size * np.sin(0.01 * np.arange(response.y.shape[1]))
+    off = dataclasses.replace(response, baseline=response.y - swing, extended=response.y - swing)
+    figure = plots.on_path(off, d.paths[0])
+    figure.draw_without_rendering()
+    drawn = figure.get_tightbbox().transformed(figure.dpi_scale_trans)
+    assert drawn.x1 < figure.bbox.x1
+
+
 def test_of_many_held_out_drives_those_with_the_largest_errors_are_drawn():
     d = made_up_diagnosis.explained()
     path = d.paths[0]

@@ -182,7 +182,7 @@ def on_path(response: Response, *paths: Path) -> Figure:
         rows = [[(*one, model) for one in part] for part in parts for model in models]
     columns = max(map(len, rows))
     high = 4.0 if columns < 3 else 2.9
-    margins = {"left": 0.85, "right": 0.95, "top": 0.35, "bottom": 0.5}
+    margins = {"left": 0.85, "right": 1.2, "top": 0.35, "bottom": 0.5}
     height = len(rows) * high
     figure = framed(height, len(rows), columns, across=0.5, **margins)
     every = figure.subplots(len(rows), columns, squeeze=False)
@@ -201,7 +201,7 @@ def on_path(response: Response, *paths: Path) -> Figure:
             axes.set_xlabel("x (m)")
         line[0].set_ylabel("y (m)")
     bottom, free = margins["bottom"] / height, height - margins["top"] - margins["bottom"]
-    scale = figure.add_axes((1.0 - 0.8 / WIDTH, bottom, 0.12 / WIDTH, free / height))
+    scale = figure.add_axes((1.0 - 1.05 / WIDTH, bottom, 0.12 / WIDTH, free / height))
     bar = figure.colorbar(ScalarMappable(tint, tones), cax=scale)
     scale.set_label("<colorbar>")
     bar.set_label(unit_label(f"residual of {response.channel}", response.unit))
