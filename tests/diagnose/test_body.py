@@ -8,7 +8,9 @@ import pytest
 from vdmsi_jax.diagnose.body import BANK, CAUSES, INDEX, WINDOW, Body, increments
 from vdmsi_jax.diagnose.body_fit import BodyFit, fit_body
 from vdmsi_jax.diagnose.body_search import BodySearch, body_price, body_score, search_body
+from vdmsi_jax.diagnose.budget import of_turning
 from vdmsi_jax.diagnose.leftover import jumps_of_pose
+from vdmsi_jax.diagnose.naming import of_body
 from vdmsi_jax.diagnose.noise import Pair
 from vdmsi_jax.models.bicycle import Bicycle
 
@@ -94,6 +96,25 @@ def test_a_body_that_is_slow_where_it_is_fast_has_inertia():
     found = found_in(turning(2, inertia=0.006))
     assert set(found) == {"yaw_inertia"}
     assert found["yaw_inertia"] == pytest.approx(0.006, rel=0.15)
+
+
+def test_the_causes_share_the_error_of_the_yaw_rate():
+    found = search_body(turning(2, inertia=0.006, bias=0.03))
+    budget = of_turning(found, of_body(found))
+    assert (budget.name, budget.unit) == ("r", "(rad/s)^2")
+    parts = sum(budget.parts.values())
+    assert parts + budget.noise + budget.unexplained == pytest.approx(budget.total)
+    left = budget.total - parts
+    assert 0.01**2 < left < 2.0 * 0.01**2
+    assert budget.noise == pytest.approx(left)
+    assert set(budget.parts) == {"yaw_inertia (vehicle)", "sensor_bias (sensor r)"}
+    assert min(budget.parts.values()) > 0.2 * budget.total  # whatever the order
+    half = of_turning(found, of_body(found), structure=0.5)
+    assert half.unexplained == pytest.approx(0.5 * left)
+    biased = search_body(turning(2, bias=0.03))
+    alone = of_turning(biased, of_body(biased))
+    assert alone.parts["sensor_bias (sensor r)"] == pytest.approx(0.03**2, rel=0.05)
+    assert alone.noise == pytest.approx(0.01**2, rel=0.05)
 
 
 def test_a_bias_that_the_noise_s_colour_would_swallow_is_found():

@@ -1,6 +1,6 @@
 """Fits of the body, the road and the sensors: likelihood over all channels, by the chain rule."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -103,6 +103,21 @@ def moved(body: Body, fit: BodyFit, thetas: Float[np.ndarray, "L P"]) -> list[Bo
         lane.y, lane.colour = y, dict(fit.colour)
     each(BodyLane.recolour, lanes)
     return each(BodyLane.finish, lanes)
+
+
+def theta_of(fit: BodyFit, kept: Collection[int]) -> Float[np.ndarray, " P"]:
+    """The parameters of a fit with only some of its causes on."""
+    theta = fit.theta.copy()
+    for k in fit.active:
+        if k not in kept:
+            theta[list(INDEX[k])] = 0.0
+    return theta
+
+
+def with_only(body: Body, fit: BodyFit, kept: Collection[int]) -> BodyFit:
+    """A fit with only some of its causes on, and nothing refitted."""
+    theta = theta_of(fit, kept)
+    return replace(fit, theta=theta, predicted=_answers(body, [theta])[0])
 
 
 def _answers(body: Body, thetas: Sequence[np.ndarray]) -> list[dict[str, np.ndarray]]:

@@ -1,11 +1,13 @@
 """The error budget: who is responsible for how much, in whatever order the causes are put in."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from .found import Search
+from .body_fit import BodyFit, residual, with_only
+from .body_search import BodySearch
+from .found import FEW, Search
 from .judge import shapley
 from .naming import Named
 from .result import Budget
@@ -27,24 +29,56 @@ def of_channel(
         structure: share of what the final model leaves that is no noise.
     """
     stage = search.stage
-    use = search.judges
+    numbers = {c.label: c.finding.number for c in causes if c.finding is not None}
 
-    def error(y: np.ndarray) -> float:
-        return float(np.mean((stage.y - y)[use] ** 2))
+    def left(kept: frozenset[str]) -> np.ndarray:
+        return stage.y - only(search, tuple(numbers[k] for k in kept))
 
-    total, rest = error(search.baseline.y), error(search.final.y)
-    by_label = {c.label: c for c in causes if c.finding is not None}
+    both = stage.y - search.baseline.y, stage.y - search.final.y
+    masks = stage.mask, search.judges
+    return _of_squares((name, unit), list(numbers), both, left, masks, stage.dt, structure)
 
-    def worth(kept: frozenset[str]) -> float:
-        numbers = tuple(by_label[k].finding.number for k in kept)  # type: ignore[union-attr]
-        return _at_least(total, error(only(search, numbers)))
 
-    noise = _noise((stage.y - search.final.y) ** 2, stage.mask, use, stage.dt)
-    noise = min(noise, (1.0 - structure) * rest)
-    parts = _scaled(shapley(list(by_label), worth), total - rest)
+def of_turning(bodily: BodySearch, causes: Sequence[Named], structure: float = 0.0) -> Budget:
+    """The squared error of the yaw rate at the measured speed and angle, likewise: what the body,
+    the road and the sensors do to it."""
+    body, fitted, held_out = bodily.body, bodily.body.mask["r"], bodily.body.held_out["r"]
+    use = held_out if held_out.sum() > FEW else fitted
+    numbers = {c.label: c.body.number for c in causes if c.body is not None}
+
+    def left(fit: BodyFit) -> np.ndarray:
+        return residual(body, fit, "r", fitted | use)
+
+    def of_some(kept: frozenset[str]) -> np.ndarray:
+        return left(with_only(body, bodily.final, {numbers[k] for k in kept}))
+
+    both = left(bodily.plain), left(bodily.final)
+    told = "r", "rad/s"
+    return _of_squares(told, list(numbers), both, of_some, (fitted, use), body.dt, structure)
+
+
+def _of_squares(
+    told: tuple[str, str],
+    labels: Sequence[str],
+    both: tuple[Float[np.ndarray, "R N"], Float[np.ndarray, "R N"]],
+    left: Callable[[frozenset[str]], Float[np.ndarray, "R N"]],
+    masks: tuple[Bool[np.ndarray, "R N"], Bool[np.ndarray, "R N"]],
+    dt: float,
+    structure: float,
+) -> Budget:
+    """Of the errors of the baseline and the final model, and of that with some of its causes."""
+    name, unit = told
+    fitted, use = masks
+
+    def error(e: np.ndarray) -> float:
+        return float(np.mean(e[use] ** 2))
+
+    total, rest = map(error, both)
+    noise = min(_noise(both[1] ** 2, fitted, use, dt), (1.0 - structure) * rest)
+    worths = shapley(labels, lambda kept: _at_least(total, error(left(kept))))
+    parts = _scaled(worths, total - rest)
     squared = f"({unit})^2" if "/" in unit else f"{unit}^2"
-    left = total - sum(parts.values()) - noise
-    return Budget(name, squared, total, parts, noise, left)
+    return Budget(name, squared, total, parts, noise, total - sum(parts.values()) - noise)
 
 
 def of_path(road: Road, causes: Sequence[Named]) -> Budget:

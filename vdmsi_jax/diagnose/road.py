@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..metrics import spread
-from .body import INDEX
+from .body_fit import theta_of
 from .body_search import BodySearch
 from .found import Search
 from .hypothesis import Hypothesis, Refit, responses
@@ -89,17 +89,13 @@ class Road:
     def with_only(self, causes: list[Named]) -> float:
         """Mean translation error of the final model with only some of its causes on, m."""
         responses = {}
-        theta = self.bodily.final.theta.copy()
         bodily = {c.body.number for c in causes if c.body is not None}
-        for k in self.bodily.final.active:
-            if k not in bodily:
-                theta[list(INDEX[k])] = 0.0
         for channel, own in self.searches.items():
             kept = tuple(
                 c.finding.number for c in causes if c.search is own and c.finding is not None
             )
             responses[channel] = only(own, kept)
-        return self.mean(self._drive(responses, theta))
+        return self.mean(self._drive(responses, theta_of(self.bodily.final, bodily)))
 
     def floor(self) -> float:
         """Mean translation error of the final body on the measured speed and angle, m."""

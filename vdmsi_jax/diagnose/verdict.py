@@ -13,7 +13,7 @@ from .angle import steering_angle
 from .body import ASKEW, CAUSES, CHANNELS
 from .body_detectability import detectable_in_body
 from .body_search import BodySearch, at_fixed, chained
-from .budget import of_channel, of_path
+from .budget import of_channel, of_path, of_turning
 from .channels import channel_scores, responses, units_of
 from .detectability import detectable
 from .extension import extended_model, plain_model
@@ -293,6 +293,8 @@ class Evidence:
             )
             for spec, own in self.searches.items()
         ]
+        if self.bodily is not None and "r" in self.bodily.body.measured:
+            found.append(of_turning(self.bodily, causes, structure.get("r", 0.0)))
         return found if road is None else [*found, of_path(road, causes)]
 
     def _held_out(self) -> str:
