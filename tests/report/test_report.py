@@ -11,7 +11,7 @@ import made_up
 from vdmsi_jax.report.identification import identification_page
 from vdmsi_jax.report.page import Page, Section, Table, Text, render
 from vdmsi_jax.report.simulation import simulation_page
-from vdmsi_jax.report.text import number, percent, polynomial, roots
+from vdmsi_jax.report.text import number, percent, polynomial, roots, typeset
 from vdmsi_jax.terminal import show_grids
 
 VOID = {"meta", "path", "use", "rect", "br"}
@@ -138,6 +138,12 @@ def test_what_a_log_says_cannot_break_the_page():
 )
 def test_numbers_as_people_read_them(value, text):
     assert number(value) == text
+
+
+def test_sentences_as_people_read_them():
+    said = "0.0028 rad per m/s^2, gradient 0.00101 ± 2.7e-05 s^2/m^2, from run_e-1.csv"
+    read = "0.0028 rad per m/s², gradient 0.00101 ± 2.7·10⁻⁵ s²/m², from run_e-1.csv"
+    assert typeset(said) == read
 
 
 def test_formulas_as_people_read_them():

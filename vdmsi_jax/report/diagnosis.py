@@ -12,7 +12,7 @@ from ..plots.style import pretty_unit, squared_unit
 from .identification import what_was_read
 from .page import Block, Bullets, Page, Picture, Section, Table, Text, Tiles
 from .phrases import capital, ended, metres, points, share, with_unit
-from .text import number, percent
+from .text import number, percent, typeset
 
 VERDICTS = {
     "no_effect": "The simulation explains the logs to the noise. No cause had to be added.",
@@ -67,7 +67,7 @@ def _in_short(d: Diagnosis) -> list[Block]:
     verdict = VERDICTS[f"{d.verdict} in part" if partly else d.verdict]
     if d.contradictions:
         verdict = "These logs contradict themselves, and what follows is of what is left of them."
-    return [Text(verdict, kind=kind), Text(d.summary), _tiles(d)]
+    return [Text(verdict, kind=kind), Text(typeset(d.summary)), _tiles(d)]
 
 
 def _tiles(d: Diagnosis) -> Tiles:
@@ -147,9 +147,9 @@ def _scores(
 
 
 def _finding(finding: Finding) -> list[Block]:
-    blocks: list[Block] = [Text(finding.sentence)]
+    blocks: list[Block] = [Text(typeset(finding.sentence))]
     if finding.form:
-        blocks.append(Text(f"Of its forms, this one fitted best: {finding.form}."))
+        blocks.append(Text(f"Of its forms, this one fitted best: {typeset(finding.form)}."))
     blocks += [_parameters(finding), Text("Evidence", kind="caption"), Bullets(_evidence(finding))]
     if finding.rivals:
         blocks.append(_rivals(finding))
@@ -353,9 +353,8 @@ def _remains(d: Diagnosis) -> list[Block]:
     blocks += [Text(resting(level)) for level in d.levels]
     if d.small:
         rows = [
-            [title(finding), _values(finding.parameters), points(finding.gain), finding.sentence]
-            for finding in d.small
-        ]  # fmt: skip
+            [title(f), _values(f.parameters), points(f.gain), typeset(f.sentence)] for f in d.small
+        ]
         header = ["cause", "size", "gain (points of FIT)", ""]
         caption = "Significant, but small or not sure enough to be named."
         blocks.append(Table(header, rows, caption=caption))

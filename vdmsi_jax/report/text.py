@@ -1,6 +1,7 @@
 """Numbers, units and formulas as a reader expects them."""
 
 import math
+import re
 from html import escape
 
 import numpy as np
@@ -17,6 +18,12 @@ def number(value: float, digits: int = 4) -> str:
         mantissa, exponent = text.split("e")
         text = f"{mantissa}·10{superscript(int(exponent))}"
     return text.replace("-", "−")
+
+
+def typeset(text: str) -> str:
+    """A sentence of a result with its powers raised: `2.7e-05 s^2/m^2` is `2.7·10⁻⁵ s²/m²`."""
+    text = re.sub(r"(?<=\d)e([+-]\d+)", lambda e: f"·10{superscript(int(e[1]))}", text)
+    return re.sub(r"\^(\d)", lambda power: superscript(int(power[1])), text)
 
 
 def percent(value: float) -> str:
