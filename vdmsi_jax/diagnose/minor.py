@@ -34,6 +34,8 @@ _FAINT = 100.0  # twice the log-likelihood, below which a cause is not sure
 _LITTLE = 0.3  # share, below which one that is so faint mends a bend beside it, or spoils the path:
 _WORSE, _MUCH_WORSE = 1.1, 2.0  # times of its error, and whatever its share: of seven exams right
 # names that do so had shares from 0.38, and as faint ones 1.1
+_RUINED = 4.0  # times of the baseline's, that all causes make the path's error: the body's make up
+# for each other then, and for what they are not; with right names of three exams up to 2.2
 _NOTHING = 0.5  # standard errors, below which a parameter is nothing, whatever it takes
 _CLEAR, _FEW = 2.0, 3  # standard errors, below which a parameter may be nothing; of so many
 _SURE = 2.5  # standard errors of the gain in FIT held out, from which on a cause is one beside no
@@ -214,7 +216,10 @@ def _is_everyday(of: Weighed) -> bool:
 
 
 def _spoils(of: Weighed) -> bool:
-    """Whether a cause that is not sure makes the path worse, the more so the more it takes."""
+    """Whether a cause that is not sure makes the path worse, the more so the more it takes; or all
+    together much worse, of those that only tell how the body moves."""
+    if of.cause.body is not None and of.weighing.path > _RUINED:
+        return True
     before, after = of.found.gain.ate_before, of.found.gain.ate_after
     if before is None or after is None or of.found.statistic >= _FAINT:
         return False

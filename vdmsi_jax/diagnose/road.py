@@ -69,6 +69,11 @@ class Road:
         """Mean translation error, m."""
         return float(np.mean(self.errors(poses)))
 
+    @property
+    def worsened(self) -> float:
+        """Mean translation error of the final model, of the baseline's."""
+        return self.extended_mean / max(self.mean(self.baseline), 1e-9)
+
     def ate(self) -> dict[str, dict[str, float]]:
         """Max, mean and rmse of baseline and model."""
         both = {"baseline": self.baseline, "model": self.extended}

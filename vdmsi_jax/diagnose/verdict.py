@@ -56,7 +56,8 @@ class Evidence:
         rounded = quantised(self.records, extended)
         trials = [(cause, self._trial(cause)) for cause in self._causes()]
         sure = [t for t in trials if t[1].worth > 0.0 and not tells_rounding(*t, rounded)]
-        weighing = Weighing(self.searches, self.runs, plain, extended)
+        path = 1.0 if road is None else road.worsened
+        weighing = Weighing(self.searches, self.runs, plain, extended, path)
         findings, minor, crowds = self._weighed(sure, trials, weighing, remains, road)
         findings += [f for f in rounded if f.share >= COARSE]
         minor += [apart(f, LITTLE) for f in rounded if f.share < COARSE]
