@@ -42,9 +42,10 @@ def without_outliers(record: Record) -> tuple[Record, dict[str, int]]:
         alone = np.zeros(record.n, bool)
         for segment in record.segments:
             own = values[segment.samples]
-            far = _far(own, _step(own)) & ~_turning(own)
+            usual = _step(own)
+            far = _far(own, usual) & ~_turning(own)
             # between two outliers a signal steps back and forth as well
-            far |= _there_and_back(own) & ~_about(far).any(axis=1)
+            far |= _there_and_back(own, usual) & ~_about(far).any(axis=1)
             alone[segment.samples] = _short(far)
             alone[segment.start : segment.start + _stale(own)] = True
         alone &= record.measured(name) & ~pulses
@@ -76,7 +77,7 @@ def _far(x: Float[np.ndarray, " n"], usual: float = 0.0) -> Bool[np.ndarray, " n
     return far & foremost
 
 
-def _there_and_back(x: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+def _there_and_back(x: Float[np.ndarray, " n"], usual: float) -> Bool[np.ndarray, " n"]:
     """Samples to which a signal steps and from which it steps back, by much more than its way ever
     bends else: on a slope, the median of those about them is no measure."""
     if x.size <= 2 * _ABOUT:
@@ -86,7 +87,7 @@ def _there_and_back(x: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
     there, back = steps[:-1], steps[1:]
     size = np.where(there * back < 0.0, np.minimum(np.abs(there), np.abs(back)), 0.0)
     tail = _BEYOND * np.quantile(np.abs(steps), 1.0 - 2.0 * _RARE)  # an outlier has two steps
-    found = size > max(float(tail), _step(x))
+    found = size > max(float(tail), usual)
     found[:_ABOUT] = found[-_ABOUT:] = False
     return found
 

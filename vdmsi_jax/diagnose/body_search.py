@@ -167,9 +167,15 @@ def chained(
 ) -> tuple[Scored, Bool[np.ndarray, "R N"], bool]:
     """A channel with and without a cause, what the chain rule passes on taken out; the samples that
     judge, and whether they are held out."""
-    held = bool(body.held_out[channel].sum() > FEW)
-    use = body.held_out[channel] if held else body.mask[channel]
+    use, held = judges_of(body, channel)
     return _scored(body, final, less, channel, use), use, held
+
+
+def judges_of(body: Body, channel: str) -> tuple[Bool[np.ndarray, "R N"], bool]:
+    """The samples of a channel that judge, and whether they are held out: where none are, those of
+    the fit."""
+    held = bool(body.held_out[channel].sum() > FEW)
+    return (body.held_out if held else body.mask)[channel], held
 
 
 def _scored(

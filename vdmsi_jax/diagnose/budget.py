@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from .body_fit import BodyFit, residual, with_only
-from .body_search import BodySearch
-from .found import FEW, Search
+from .body_search import BodySearch, judges_of
+from .found import Search
 from .judge import shapley
 from .naming import Named
 from .result import Budget
@@ -42,8 +42,8 @@ def of_channel(
 def of_turning(bodily: BodySearch, causes: Sequence[Named], structure: float = 0.0) -> Budget:
     """The squared error of the yaw rate at the measured speed and angle, likewise: what the body,
     the road and the sensors do to it."""
-    body, fitted, held_out = bodily.body, bodily.body.mask["r"], bodily.body.held_out["r"]
-    use = held_out if held_out.sum() > FEW else fitted
+    body, fitted = bodily.body, bodily.body.mask["r"]
+    use, _ = judges_of(body, "r")
     numbers = {c.label: c.body.number for c in causes if c.body is not None}
 
     def left(fit: BodyFit) -> np.ndarray:
@@ -84,7 +84,7 @@ def _of_squares(
 def of_path(road: Road, causes: Sequence[Named]) -> Budget:
     """The mean translation error on the held-out drive."""
     by_label = {c.label: c for c in causes}
-    total, rest = road.mean(road.baseline), road.extended_mean
+    total, rest = road.baseline_mean, road.extended_mean
 
     def worth(kept: frozenset[str]) -> float:
         return _at_least(total, road.with_only([by_label[k] for k in kept]))

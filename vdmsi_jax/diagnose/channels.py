@@ -7,9 +7,9 @@ import numpy as np
 from ..config import PlantSpec
 from ..data.record import Record
 from .body_fit import residual
-from .body_search import BodySearch
+from .body_search import BodySearch, judges_of
 from .colour import whiten
-from .found import FEW, Search
+from .found import Search
 from .judge import fit_percent
 from .result import ChannelScore, Response
 from .runs import Runs
@@ -34,8 +34,7 @@ def channel_scores(
         found[spec.output] = _score(stage.y[use], (stage.y - fit.y)[use], noise, stage.noise.by)
     if bodily is not None and "r" in bodily.body.measured:
         body, fit = bodily.body, bodily.final if extended else bodily.plain
-        mask, held_out = body.mask["r"], body.held_out["r"]
-        use = held_out if held_out.sum() > FEW else mask
+        mask, use = body.mask["r"], judges_of(body, "r")[0]
         left = residual(body, bodily.final, "r", mask)[mask]
         e = residual(body, fit, "r", use)[use]
         found["r"] = _score(body.measured["r"][use], e, float(np.std(left)))

@@ -41,7 +41,7 @@ class Road:
             {c: s.baseline.y for c, s in searches.items()}, bodily.plain.theta
         )
         self.extended = self._drive({c: s.final.y for c, s in searches.items()}, bodily.final.theta)
-        self.extended_mean = self.mean(self.extended)
+        self.baseline_mean, self.extended_mean = map(self.mean, (self.baseline, self.extended))
 
     def _drive(self, responses: Mapping[str, np.ndarray], theta: np.ndarray) -> np.ndarray:
         """(runs, N, 3) poses; each begins at the measured pose where its held-out part begins."""
@@ -72,7 +72,7 @@ class Road:
     @property
     def worsened(self) -> float:
         """Mean translation error of the final model, of the baseline's."""
-        return self.extended_mean / max(self.mean(self.baseline), 1e-9)
+        return self.extended_mean / max(self.baseline_mean, 1e-9)
 
     def ate(self) -> dict[str, dict[str, float]]:
         """Max, mean and rmse of baseline and model."""

@@ -236,7 +236,7 @@ class Evidence:
         if road is not None:
             before, after = road.without(cause, less), road.extended_mean
             if alone:  # the baseline, whose order may be another, is a model without it, too
-                before = min(before, road.mean(road.baseline))
+                before = min(before, road.baseline_mean)
             gain = replace(gain, ate_before=before, ate_after=after)
         open_ = [r for r in cause.rivals if r.indistinguishable]
         experiment = self._experiment(cause, open_) if open_ else None
