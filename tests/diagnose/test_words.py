@@ -34,6 +34,12 @@ def test_a_gain_rises_and_a_loss_falls():
     [
         ("gain_asymmetry", "by the sign of the effort", -0.496, "Pushing acts 0.504 times as"),
         ("gain_asymmetry", "by the sign of the command", 0.5, "Positive commands act 1.5 times"),
+        (
+            "gain_asymmetry",
+            "of what pulls the response back",
+            -0.3,
+            "gives way to the positive side 0.7 times as far as to the negative.",
+        ),
         ("speed_scale", "", -0.016, "It moves 1.6 % slower than its speed says."),
         ("geometry_scale", "", 0.14, "as if its wheelbase were 14 % longer than told."),
     ],

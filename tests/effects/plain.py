@@ -263,6 +263,11 @@ def stiffened(quadratic: float, cubic: float) -> Cause:
     return Cause(force=lambda u, y, speed, still: quadratic * y * abs(y) + cubic * y**3)
 
 
+def one_sided(ratio: float) -> Cause:
+    """A spring of another stiffness to the positive side, which answers `1 + ratio` times as far."""
+    return Cause(force=lambda u, y, speed, still: (1.0 / (1.0 + ratio) - 1.0) * max(y, 0.0))
+
+
 def drained(bend: float, level: float) -> Cause:
     """Pulled back by a power of the response, as a tank by the root of its level."""
 

@@ -145,6 +145,7 @@ CASES = {
     ),
     "EndStop stop": Case(plain.rim(1.7, -1.5, TAU), (1 / 1.7, 1 / 1.5)),
     "Stiffening stiffness": Case(plain.stiffened(0.4, 0.3), (0.4, 0.3), within=0.08),
+    "GainAsymmetry stiffness": Case(plain.one_sided(-0.31), (-0.31,)),
     # which gain goes with which level is left to the plant
     "PowerLaw power": Case(plain.drained(-0.5, 3.0), (-0.5,), within=0.08, lift=4.0),
     "BentResponse response": Case(plain.bent_response(0.15, -0.028), (0.15, -0.028)),

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import NDArray
 
 from ..config import PlantSpec
 from ..data.noise import white_noise_std
@@ -32,10 +33,13 @@ _SESSION = {"gain_drift over session", "regime_change over session"}
 _VEHICLES_ONLY = {"cross_coupling", "speed_dependent_gain", "drag", "road_grade"}
 _BOTH_WAYS = {"offset by travel"}
 # of a vehicle's speed that is drag
-_PLANTS_ONLY = {"gain_nonlinearity by stiffness", "gain_nonlinearity by power"}
+_PLANTS_ONLY = {
+    *(f"{cause} by stiffness" for cause in ("gain_nonlinearity", "gain_asymmetry")),
+    "gain_nonlinearity by power",
+}
 FEWEST = 80  # samples that a fit needs
 _FAR = 0.5  # of a command's largest, above which it always is where no dead zone is in its way
-_REVERSED = 0.05  # of the time, that a vehicle moves the other way if it moves both ways
+_REVERSED = 0.05  # of the time, that something moves the other way if it moves both ways
 
 
 def kind(effect: AbstractEffect) -> str:
@@ -44,6 +48,10 @@ def kind(effect: AbstractEffect) -> str:
         n for n in ("at", "by", "over", "against") if isinstance(getattr(effect, n, None), str)
     ]
     return " ".join([effect.cause, *(f"{n} {getattr(effect, n)}" for n in forms)])
+
+
+def _goes_both_ways(signal: NDArray[np.float64]) -> bool:
+    return bool(min(np.mean(signal > 0.0), np.mean(signal < 0.0)) >= _REVERSED)
 
 
 def stage_of(runs: Runs, spec: PlantSpec, reference: KnownNoise | None = None) -> Stage:
@@ -72,7 +80,9 @@ def stage_of(runs: Runs, spec: PlantSpec, reference: KnownNoise | None = None) -
             foreign = foreign | {"backlash at between"}
         if np.abs(u).min() > _FAR * np.abs(u).max():
             foreign = foreign | {"dead_zone"}  # which it never enters: it is an offset
-    if min(np.mean(v[seen] > 0.0), np.mean(v[seen] < 0.0)) < _REVERSED:
+    if not _goes_both_ways(y[seen]):  # there it is a spring of another stiffness
+        foreign = foreign | {"gain_asymmetry by stiffness"}
+    if not _goes_both_ways(v[seen]):
         foreign = foreign | _BOTH_WAYS
     begun = np.array([[r.session] for r in runs.records])
     if np.ptp(begun) == 0.0:  # there is none, or it is the run

@@ -80,10 +80,12 @@ def _meaning(f: Finding) -> list[str]:
     size = next(iter(f.parameters.values())).value if f.parameters else 0.0
     percent = f"{number(100.0 * abs(size))} %"
     if f.cause == "gain_asymmetry":
-        one, other = ("Positive commands act", "negative ones")
+        one, how, other = "Positive commands act", "strongly", "negative ones"
         if "effort" in f.form:
             one, other = "Pushing acts", "braking"
-        return [f"{one} {number(1.0 + size)} times as strongly as {other}."]
+        if "pulls" in f.form:
+            one, how, other = "It gives way to the positive side", "far", "to the negative"
+        return [f"{one} {number(1.0 + size)} times as {how} as {other}."]
     if f.cause == "speed_scale":
         return [f"It moves {percent} {'faster' if size > 0.0 else 'slower'} than its speed says."]
     if f.cause == "geometry_scale":

@@ -79,6 +79,7 @@ ACTUATOR: tuple[AbstractEffect, ...] = (
     CoulombFriction(against="rate"),
     CoulombFriction(against="response"),
     Stiffening(),
+    GainAsymmetry(by="stiffness"),
     PowerLaw(),
     EndStop(),
     BentResponse(),

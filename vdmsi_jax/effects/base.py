@@ -110,6 +110,12 @@ class Effort(eqx.Module):
         """The command that would hold the response where it is, its unit."""
         return self.y / self.level
 
+    def more_pull(self, stiffness: Float[Array, ""]) -> Float[Array, ""]:
+        """The force by which something pulls the response back beyond what a linear one pulls,
+        which has a stiffness of one; between a tenth and ten times that, or a soft one would push
+        away."""
+        return (jnp.clip(stiffness, 0.1, 10.0) - 1.0) * self.still
+
 
 class Scales(eqx.Module):
     """Sizes of a record's signals, to make probes of: a probe is a value that is strictly on.

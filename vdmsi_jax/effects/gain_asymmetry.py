@@ -12,7 +12,8 @@ from vdmsi_jax.parameters import parameter
 
 class GainAsymmetry(AbstractEffect):
     """Another gain for positive commands than for negative ones, or for pushing (a command above
-    the one that would hold the response) than for braking.
+    the one that would hold the response) than for braking, or for responses to the positive side,
+    where a spring of another stiffness pulls them back.
 
     Attributes:
         by: the sign of what decides the gain.
@@ -22,11 +23,11 @@ class GainAsymmetry(AbstractEffect):
     shown_by: ClassVar[str] = "steps in both directions"
 
     ratio: Float[Array, ""] = parameter("1", "positive over negative gain, minus 1", lower=-0.95)
-    by: Literal["command", "effort"] = eqx.field(static=True, default="command")
+    by: Literal["command", "effort", "stiffness"] = eqx.field(static=True, default="command")
 
     @property
     def ports(self) -> frozenset[str]:
-        return frozenset({self.by})
+        return frozenset({"command" if self.by == "command" else "effort"})
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
         return [(k,) for k in (-0.4, -0.1, 0.1, 0.5)]
@@ -35,5 +36,7 @@ class GainAsymmetry(AbstractEffect):
         return jnp.where(u > 0.0, u + self.ratio * u, u)
 
     def effort(self, at: Effort) -> Float[Array, ""]:
+        if self.by == "stiffness":
+            return at.more_pull(jnp.where(at.y > 0.0, 1.0 / (1.0 + self.ratio), 1.0))
         push = at.u - at.still
         return jnp.where(push > 0.0, -self.ratio * push, 0.0)

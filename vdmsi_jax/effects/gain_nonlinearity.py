@@ -94,7 +94,7 @@ class Stiffening(AbstractOfResponse):
         return (-0.3, 0.1, 0.6)
 
     def effort(self, at: Effort) -> Float[Array, ""]:
-        return _more_pull(at, 1.0 + self.quadratic * abs(at.y) + self.cubic * at.y * at.y)
+        return at.more_pull(1.0 + self.quadratic * abs(at.y) + self.cubic * at.y * at.y)
 
 
 class PowerLaw(AbstractEffect):
@@ -127,10 +127,4 @@ class PowerLaw(AbstractEffect):
 
     def effort(self, at: Effort) -> Float[Array, ""]:
         part = jnp.maximum(jnp.abs(at.y) / self.size, 1e-6)
-        return _more_pull(at, jnp.exp(self.bend * jnp.log(part)))
-
-
-def _more_pull(at: Effort, stiffness: Float[Array, ""]) -> Float[Array, ""]:
-    """The force by which something pulls the response back beyond what a linear one pulls, which
-    has a stiffness of one; between a tenth and ten times that."""
-    return (jnp.clip(stiffness, 0.1, 10.0) - 1.0) * at.still
+        return at.more_pull(jnp.exp(self.bend * jnp.log(part)))
