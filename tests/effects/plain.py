@@ -264,7 +264,7 @@ def stiffened(quadratic: float, cubic: float) -> Cause:
 
 
 def one_sided(ratio: float) -> Cause:
-    """A spring of another stiffness to the positive side, which answers `1 + ratio` times as far."""
+    """A spring that gives way `1 + ratio` times as far to the positive side."""
     return Cause(force=lambda u, y, speed, still: (1.0 / (1.0 + ratio) - 1.0) * max(y, 0.0))
 
 
