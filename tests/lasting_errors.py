@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from vdmsi_jax.diagnose.disturbance import demands
-from vdmsi_jax.diagnose.unexplained import slow_error
+from vdmsi_jax.diagnose.signals.disturbance import demands
+from vdmsi_jax.diagnose.signals.unexplained import slow_error
 
 DT = 0.02
 N = 3000

@@ -7,7 +7,7 @@ import numpy as np
 
 from vdmsi_jax.config import PlantSpec, VehicleGeometry
 from vdmsi_jax.data.record import Record
-from vdmsi_jax.diagnose.result import (
+from vdmsi_jax.diagnose.answer.result import (
     Budget,
     ChannelScore,
     Detectable,

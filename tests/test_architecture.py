@@ -35,6 +35,9 @@ LAYERS = (
 )
 """Rooms of the package from the ground up; a room may use those below it and on its own floor."""
 
+DIAGNOSE = ("answer", "signals", "actuator", "search", "body", "residual", "findings")
+"""Rooms of `diagnose` from the ground up; what stands beside them may use all of them."""
+
 LONGEST_FILE = 450
 
 KNOWS_EFFECTS = {
@@ -91,6 +94,26 @@ def test_imports_go_downward_only(path):
         if floor(name.split(".")[1]) > here
     ]
     assert not upward
+
+
+@pytest.mark.parametrize("room", DIAGNOSE)
+def test_rooms_of_the_diagnosis_import_downward_only(room):
+    above = {f"vdmsi_jax.diagnose.{other}" for other in DIAGNOSE[DIAGNOSE.index(room) + 1 :]}
+    above |= {"vdmsi_jax.diagnose.prepare", "vdmsi_jax.diagnose.diagnose"}
+    paths = sorted((PACKAGE / "diagnose" / room).glob("*.py"))
+    upward = [
+        f"{path.name}:{line} imports {name}"
+        for path in paths
+        for name, line in imports(path)
+        if any(f"{name}.".startswith(f"{other}.") for other in above)
+    ]
+    assert len(paths) > 1
+    assert not upward
+
+
+def test_every_room_of_the_diagnosis_has_its_floor():
+    rooms = {path.parent.name for path in (PACKAGE / "diagnose").glob("*/__init__.py")}
+    assert rooms == set(DIAGNOSE)
 
 
 def test_the_public_names_come_from_below_the_plots():

@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import made_up_diagnosis
 from vdmsi_jax.config import PlantSpec
-from vdmsi_jax.diagnose.found import Search
-from vdmsi_jax.diagnose.judge import Trial
-from vdmsi_jax.diagnose.naming import Named
-from vdmsi_jax.diagnose.noise import Noise, OwnNoise
-from vdmsi_jax.diagnose.result import ChannelScore, Estimate, Finding, Gain, Rival
-from vdmsi_jax.diagnose.runs import Runs
-from vdmsi_jax.diagnose.stage import Stage
-from vdmsi_jax.diagnose.weighing import Weighing
+from vdmsi_jax.diagnose.actuator.stage import Stage
+from vdmsi_jax.diagnose.answer.result import ChannelScore, Estimate, Finding, Gain, Rival
+from vdmsi_jax.diagnose.findings.naming import Named
+from vdmsi_jax.diagnose.findings.weighing import Weighing
+from vdmsi_jax.diagnose.search.found import Search
+from vdmsi_jax.diagnose.search.judge import Trial
+from vdmsi_jax.diagnose.signals.noise import Noise, OwnNoise
+from vdmsi_jax.diagnose.signals.runs import Runs
 
 
 def searched(noise: Noise) -> Search:

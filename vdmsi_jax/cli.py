@@ -165,7 +165,7 @@ def diagnose(
 
     from . import terminal
     from .diagnose import diagnose as run
-    from .diagnose.document import diagnosis_document
+    from .diagnose.answer.document import diagnosis_document
     from .model_file import save_model
 
     if report:

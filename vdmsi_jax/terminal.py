@@ -14,7 +14,7 @@ from rich.table import Table
 
 if TYPE_CHECKING:  # a command imports what it uses, which takes a second for all
     from .compare import Comparison
-    from .diagnose.result import Diagnosis
+    from .diagnose.answer.result import Diagnosis
     from .identify.result import OrderGrid
     from .reproduce import Experiments
 
@@ -149,8 +149,8 @@ def show_reproduction(experiments: Sequence["Experiments"]) -> None:
 
 def show_diagnosis(diagnosis: "Diagnosis") -> None:
     """The verdict, each finding in words, what it gains, and what remains."""
-    from .diagnose.document import left_over, title
-    from .diagnose.words import disturbed, in_words, resting, verdict
+    from .diagnose.answer.document import left_over, title
+    from .diagnose.answer.words import disturbed, in_words, resting, verdict
 
     for told in diagnosis.contradictions:
         OUT.print(told, style="bold", soft_wrap=True, markup=False)

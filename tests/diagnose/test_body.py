@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vdmsi_jax.diagnose.body import BANK, CAUSES, INDEX, WINDOW, Body, increments
-from vdmsi_jax.diagnose.body_fit import BodyFit, fit_body
-from vdmsi_jax.diagnose.body_search import BodySearch, body_price, body_score, search_body
-from vdmsi_jax.diagnose.budget import of_turning
-from vdmsi_jax.diagnose.leftover import jumps_of_pose
-from vdmsi_jax.diagnose.naming import of_body
-from vdmsi_jax.diagnose.noise import Pair
+from vdmsi_jax.diagnose.body.body import BANK, CAUSES, INDEX, WINDOW, Body, increments
+from vdmsi_jax.diagnose.body.fit import BodyFit, fit_body
+from vdmsi_jax.diagnose.body.search import BodySearch, body_price, body_score, search_body
+from vdmsi_jax.diagnose.findings.budget import of_turning
+from vdmsi_jax.diagnose.findings.naming import of_body
+from vdmsi_jax.diagnose.residual.leftover import jumps_of_pose
+from vdmsi_jax.diagnose.signals.noise import Pair
 from vdmsi_jax.models.bicycle import Bicycle
 
 DT, ROWS, FINE = 0.02, 2500, 20

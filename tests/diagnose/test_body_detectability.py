@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from tests.diagnose.test_body import turning
-from vdmsi_jax.diagnose.body import CAUSES, Body
-from vdmsi_jax.diagnose.body_detectability import detectable_in_body
-from vdmsi_jax.diagnose.body_fit import fit_body
-from vdmsi_jax.diagnose.body_search import search_body
-from vdmsi_jax.diagnose.detectability import SURE
+from vdmsi_jax.diagnose.body.body import CAUSES, Body
+from vdmsi_jax.diagnose.body.fit import fit_body
+from vdmsi_jax.diagnose.body.search import search_body
+from vdmsi_jax.diagnose.findings.body_detectability import detectable_in_body
+from vdmsi_jax.diagnose.findings.detectability import SURE
 
 SEEDS = range(20, 24)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vdmsi_jax.diagnose.colour import autoregression, least_squares, settled
+from vdmsi_jax.diagnose.signals.colour import autoregression, least_squares, settled
 
 
 def wandering(seed: int, rows: int) -> np.ndarray:

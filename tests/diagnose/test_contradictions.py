@@ -7,7 +7,7 @@ import pytest
 
 import vdmsi_jax as vj
 from vdmsi_jax.config import DEFAULT_PLANTS
-from vdmsi_jax.diagnose.contradictions import contradictions
+from vdmsi_jax.diagnose.signals.contradictions import contradictions
 
 
 def lagged(u, steps):

@@ -10,9 +10,9 @@ import pytest
 
 import vdmsi_jax as vj
 from hidden.generator import Case, generate
-from vdmsi_jax.diagnose.body import Body
-from vdmsi_jax.diagnose.body_fit import fit_body, robust
-from vdmsi_jax.diagnose.document import diagnosis_document
+from vdmsi_jax.diagnose.answer.document import diagnosis_document
+from vdmsi_jax.diagnose.body.body import Body
+from vdmsi_jax.diagnose.body.fit import fit_body, robust
 
 DEMO = Path(__file__).parents[2] / "configs" / "demo" / "fault"
 TRUE_GAP = 0.020282853292926506  # rad, as configs/demo/make_fault.py prints it

@@ -7,8 +7,8 @@ import pytest
 
 import made_up_diagnosis
 from vdmsi_jax.data.record import Record, Segment
-from vdmsi_jax.diagnose.everyday import is_everyday
-from vdmsi_jax.diagnose.result import Estimate, Finding, Gain
+from vdmsi_jax.diagnose.answer.result import Estimate, Finding, Gain
+from vdmsi_jax.diagnose.findings.everyday import is_everyday
 from weighed_causes import RUNS, finding, gain
 
 

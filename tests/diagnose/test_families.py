@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vdmsi_jax.diagnose.families import (
+from vdmsi_jax.diagnose.residual.families import (
     MEMORY,
     PLAIN,
     Explained,
@@ -14,7 +14,7 @@ from vdmsi_jax.diagnose.families import (
     plays,
     weighed,
 )
-from vdmsi_jax.diagnose.windows import history
+from vdmsi_jax.diagnose.signals.windows import history
 
 DT, N = 0.02, 3000
 T = np.tile(DT * np.arange(N), (3, 1))

@@ -5,8 +5,8 @@ import pytest
 from scipy.signal import lfilter
 
 import vdmsi_jax as vj
-from vdmsi_jax.diagnose.colour import autoregression, whiten
-from vdmsi_jax.diagnose.feedback import answered, trembles
+from vdmsi_jax.diagnose.actuator.feedback import answered, trembles
+from vdmsi_jax.diagnose.signals.colour import autoregression, whiten
 
 DT, ROWS, FINE, ORDER = 0.02, 2500, 20, 10
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from vdmsi_jax.diagnose.heading import by_heading
+from vdmsi_jax.diagnose.residual.heading import by_heading
 
 ROWS, DT, SPEED, WINDOW = 2000, 0.05, 1.2, 0.5
 

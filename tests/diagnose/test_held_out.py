@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import vdmsi_jax as vj
-from vdmsi_jax.diagnose.held_out import judges
-from vdmsi_jax.diagnose.runs import lay_out
+from vdmsi_jax.diagnose.signals.held_out import judges
+from vdmsi_jax.diagnose.signals.runs import lay_out
 
 DT, ROWS = 0.05, 1200
 T = DT * np.arange(ROWS)

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 import vdmsi_jax as vj
-from vdmsi_jax.diagnose import hypothesis
-from vdmsi_jax.diagnose.baseline import baselines
-from vdmsi_jax.diagnose.hypothesis import responses, sensitivities
-from vdmsi_jax.diagnose.lanes import LEADS
+from vdmsi_jax.diagnose.actuator import hypothesis
+from vdmsi_jax.diagnose.actuator.hypothesis import responses, sensitivities
+from vdmsi_jax.diagnose.actuator.lanes import LEADS
+from vdmsi_jax.diagnose.actuator.refit import refit
+from vdmsi_jax.diagnose.actuator.starts import errs_slowly, hilly
 from vdmsi_jax.diagnose.prepare import stage_of
-from vdmsi_jax.diagnose.refit import refit
-from vdmsi_jax.diagnose.runs import lay_out
-from vdmsi_jax.diagnose.search import search
-from vdmsi_jax.diagnose.starts import errs_slowly, hilly
+from vdmsi_jax.diagnose.search.baseline import baselines
+from vdmsi_jax.diagnose.search.search import search
+from vdmsi_jax.diagnose.signals.runs import lay_out
 
 POWERTRAIN = vj.PlantSpec("powertrain", "v_cmd", "v")
 DT, LAG, PEDAL, FINE = 0.05, 1.2, 0.3, 20

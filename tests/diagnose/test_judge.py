@@ -13,8 +13,8 @@ from lasting_errors import (
     N,
     T,
 )
-from vdmsi_jax.diagnose.judge import Scored, Trial, confirmed, gain_of
-from vdmsi_jax.diagnose.result import Gain
+from vdmsi_jax.diagnose.answer.result import Gain
+from vdmsi_jax.diagnose.search.judge import Scored, Trial, confirmed, gain_of
 
 
 def trial(before, after, y):

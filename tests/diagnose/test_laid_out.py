@@ -8,11 +8,11 @@ import pytest
 import vdmsi_jax as vj
 from vdmsi_jax.config import PlantSpec
 from vdmsi_jax.data import uncommanded
-from vdmsi_jax.diagnose.contradictions import contradictions
 from vdmsi_jax.diagnose.diagnose import _left_out, plants_of
 from vdmsi_jax.diagnose.prepare import body_of, stage_of
-from vdmsi_jax.diagnose.runs import lay_out, slower
-from vdmsi_jax.diagnose.unexplained import structure
+from vdmsi_jax.diagnose.signals.contradictions import contradictions
+from vdmsi_jax.diagnose.signals.runs import lay_out, slower
+from vdmsi_jax.diagnose.signals.unexplained import structure
 from vdmsi_jax.errors import InputError
 
 PLANT = PlantSpec("plant", "u", "y")

@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 
 import made_up_diagnosis
-from vdmsi_jax.diagnose.leftover import only_where_judged
-from vdmsi_jax.diagnose.result import Diagnosis, Unexplained
-from vdmsi_jax.diagnose.unexplained import BURSTS, WORSE
+from vdmsi_jax.diagnose.answer.result import Diagnosis, Unexplained
+from vdmsi_jax.diagnose.residual.leftover import only_where_judged
+from vdmsi_jax.diagnose.signals.unexplained import BURSTS, WORSE
 
 
 def left(*where: str, kind: str = BURSTS, size: float = 1.0) -> Unexplained:

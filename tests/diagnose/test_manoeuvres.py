@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 import vdmsi_jax as vj
-from vdmsi_jax.diagnose import manoeuvres
-from vdmsi_jax.diagnose.hypothesis import Hypothesis, Refit
-from vdmsi_jax.diagnose.manoeuvres import APART, better
+from vdmsi_jax.diagnose.actuator import manoeuvres
+from vdmsi_jax.diagnose.actuator.hypothesis import Hypothesis, Refit
+from vdmsi_jax.diagnose.actuator.manoeuvres import APART, better
+from vdmsi_jax.diagnose.actuator.refit import refit
+from vdmsi_jax.diagnose.actuator.stage import Stage
 from vdmsi_jax.diagnose.prepare import stage_of
-from vdmsi_jax.diagnose.refit import refit
-from vdmsi_jax.diagnose.runs import lay_out
-from vdmsi_jax.diagnose.stage import Stage
+from vdmsi_jax.diagnose.signals.runs import lay_out
 from vdmsi_jax.effects import ACTUATOR, SENSOR, VEHICLE
 
 DT, ROWS = 0.02, 1500

@@ -5,13 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vdmsi_jax.diagnose.body_fit import BodyFit
-from vdmsi_jax.diagnose.body_search import BodyFinding
-from vdmsi_jax.diagnose.found import PlantFinding, Search
-from vdmsi_jax.diagnose.minor import Weighed, _is_of_a_bend, changes_somehow, crowd, overshadowed
-from vdmsi_jax.diagnose.naming import Named
-from vdmsi_jax.diagnose.noise import BriefNoise, OwnNoise
-from vdmsi_jax.diagnose.result import Estimate
+from vdmsi_jax.diagnose.answer.result import Estimate
+from vdmsi_jax.diagnose.body.fit import BodyFit
+from vdmsi_jax.diagnose.body.search import BodyFinding
+from vdmsi_jax.diagnose.findings.minor import (
+    Weighed,
+    _is_of_a_bend,
+    changes_somehow,
+    crowd,
+    overshadowed,
+)
+from vdmsi_jax.diagnose.findings.naming import Named
+from vdmsi_jax.diagnose.search.found import PlantFinding, Search
+from vdmsi_jax.diagnose.signals.noise import BriefNoise, OwnNoise
 from weighed_causes import SCORE, SPEC, WEIGHING, finding, judged, named, searched, trial
 
 

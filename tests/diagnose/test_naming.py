@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vdmsi_jax.diagnose.hypothesis import Hypothesis, Refit
-from vdmsi_jax.diagnose.naming import Named, _friction, as_offset, merged, with_form
-from vdmsi_jax.diagnose.result import Estimate, Rival
+from vdmsi_jax.diagnose.actuator.hypothesis import Hypothesis, Refit
+from vdmsi_jax.diagnose.answer.result import Estimate, Rival
+from vdmsi_jax.diagnose.findings.naming import Named, _friction, as_offset, merged, with_form
 
 
 def named(cause: str, where: str, **parameters: tuple[float, float]) -> Named:

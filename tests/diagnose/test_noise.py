@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import vdmsi_jax as vj
-from vdmsi_jax.diagnose.colour import spectrum, whiten
-from vdmsi_jax.diagnose.noise import (
+from vdmsi_jax.diagnose.prepare import repeats
+from vdmsi_jax.diagnose.signals.colour import spectrum, whiten
+from vdmsi_jax.diagnose.signals.noise import (
     BriefNoise,
     KnownNoise,
     OwnNoise,
@@ -14,8 +15,7 @@ from vdmsi_jax.diagnose.noise import (
     repeated,
     slow_noise,
 )
-from vdmsi_jax.diagnose.prepare import repeats
-from vdmsi_jax.diagnose.runs import lay_out
+from vdmsi_jax.diagnose.signals.runs import lay_out
 
 DT, ROWS = 0.02, 2000
 LOGS = ("a", "b", "c", "d")

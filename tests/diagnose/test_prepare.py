@@ -6,7 +6,7 @@ import pytest
 from vdmsi_jax.config import PlantSpec, VehicleGeometry
 from vdmsi_jax.data.record import Record, Segment
 from vdmsi_jax.diagnose.prepare import kind, stage_of
-from vdmsi_jax.diagnose.runs import lay_out
+from vdmsi_jax.diagnose.signals.runs import lay_out
 
 T = 0.05 * np.arange(600)
 

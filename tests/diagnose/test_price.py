@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import vdmsi_jax as vj
-from vdmsi_jax.diagnose.hypothesis import GROWTH, Hypothesis, growth
-from vdmsi_jax.diagnose.lanes import POLES
+from vdmsi_jax.diagnose.actuator.hypothesis import GROWTH, Hypothesis, growth
+from vdmsi_jax.diagnose.actuator.lanes import POLES
+from vdmsi_jax.diagnose.actuator.refit import refit
 from vdmsi_jax.diagnose.prepare import stage_of
-from vdmsi_jax.diagnose.price import PARAMETER_COST, price
-from vdmsi_jax.diagnose.refit import refit
-from vdmsi_jax.diagnose.runs import lay_out
+from vdmsi_jax.diagnose.search.price import PARAMETER_COST, price
+from vdmsi_jax.diagnose.signals.runs import lay_out
 
 PLANT, RUNS = vj.PlantSpec("servo", "u", "y"), 3
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import vdmsi_jax as vj
-from vdmsi_jax.diagnose.hypothesis import Hypothesis
-from vdmsi_jax.diagnose.noise import OwnNoise
+from vdmsi_jax.diagnose.actuator.hypothesis import Hypothesis
+from vdmsi_jax.diagnose.actuator.refit import refit
+from vdmsi_jax.diagnose.actuator.stage import Stage
 from vdmsi_jax.diagnose.prepare import stage_of
-from vdmsi_jax.diagnose.refit import refit
-from vdmsi_jax.diagnose.runs import lay_out
-from vdmsi_jax.diagnose.stage import Stage
+from vdmsi_jax.diagnose.signals.noise import OwnNoise
+from vdmsi_jax.diagnose.signals.runs import lay_out
 
 PLANT, DT, LAG = vj.PlantSpec("servo", "u", "y"), 0.02, 0.3
 

@@ -16,8 +16,8 @@ from lasting_errors import (
     when_it_jumps,
     wind,
 )
-from vdmsi_jax.diagnose.chain import bands, regress
-from vdmsi_jax.diagnose.families import (
+from vdmsi_jax.diagnose.answer.result import Unexplained
+from vdmsi_jax.diagnose.residual.families import (
     HYSTERESIS,
     MEMORY,
     OF_STATES,
@@ -26,10 +26,10 @@ from vdmsi_jax.diagnose.families import (
     Explained,
     Family,
 )
-from vdmsi_jax.diagnose.leftover import _of_a_kind, _of_the_most
-from vdmsi_jax.diagnose.remains import Remains, unexplained
-from vdmsi_jax.diagnose.result import Unexplained
-from vdmsi_jax.diagnose.unexplained import SMALL, beside_response
+from vdmsi_jax.diagnose.residual.leftover import _of_a_kind, _of_the_most
+from vdmsi_jax.diagnose.residual.remains import Remains, unexplained
+from vdmsi_jax.diagnose.signals.chain import bands, regress
+from vdmsi_jax.diagnose.signals.unexplained import SMALL, beside_response
 
 
 @pytest.mark.parametrize(

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 import vdmsi_jax as vj
-from vdmsi_jax.diagnose import swing
-from vdmsi_jax.diagnose.baseline import baselines
-from vdmsi_jax.diagnose.found import MARGIN, PlantFinding
-from vdmsi_jax.diagnose.hypothesis import Hypothesis
+from vdmsi_jax.diagnose.actuator import swing
+from vdmsi_jax.diagnose.actuator.hypothesis import Hypothesis
+from vdmsi_jax.diagnose.actuator.refit import refit
+from vdmsi_jax.diagnose.actuator.starts import added, number_of
 from vdmsi_jax.diagnose.prepare import stage_of
-from vdmsi_jax.diagnose.price import lack
-from vdmsi_jax.diagnose.refit import refit
-from vdmsi_jax.diagnose.rivals import _may_bend, _twin, _undying, findings_of, worths
-from vdmsi_jax.diagnose.runs import lay_out
-from vdmsi_jax.diagnose.starts import added, number_of
+from vdmsi_jax.diagnose.search.baseline import baselines
+from vdmsi_jax.diagnose.search.found import MARGIN, PlantFinding
+from vdmsi_jax.diagnose.search.price import lack
+from vdmsi_jax.diagnose.search.rivals import _may_bend, _twin, _undying, findings_of, worths
+from vdmsi_jax.diagnose.signals.runs import lay_out
 
 PLANT, DT, LAG, BIAS = vj.PlantSpec("servo", "u", "y"), 0.02, 0.3, 0.2
 

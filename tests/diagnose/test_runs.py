@@ -7,7 +7,7 @@ from lasting_errors import DT
 from vdmsi_jax.config import PlantSpec
 from vdmsi_jax.data.record import Record
 from vdmsi_jax.diagnose.prepare import stage_of
-from vdmsi_jax.diagnose.runs import lay_out
+from vdmsi_jax.diagnose.signals.runs import lay_out
 
 
 def record(name, n):

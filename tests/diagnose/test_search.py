@@ -4,7 +4,7 @@ import inspect
 from dataclasses import dataclass
 from types import SimpleNamespace
 
-from vdmsi_jax.diagnose import search
+from vdmsi_jax.diagnose.search import search
 
 
 @dataclass(frozen=True)

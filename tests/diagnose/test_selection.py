@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import vdmsi_jax as vj
-from vdmsi_jax.diagnose.baseline import baselines
-from vdmsi_jax.diagnose.elimination import _swings, eliminate, is_late
-from vdmsi_jax.diagnose.hypothesis import Hypothesis, Refit
+from vdmsi_jax.diagnose.actuator.hypothesis import Hypothesis, Refit
+from vdmsi_jax.diagnose.actuator.refit import refit
+from vdmsi_jax.diagnose.actuator.starts import delayed
 from vdmsi_jax.diagnose.prepare import stage_of
-from vdmsi_jax.diagnose.refit import refit
-from vdmsi_jax.diagnose.runs import lay_out
-from vdmsi_jax.diagnose.starts import delayed
+from vdmsi_jax.diagnose.search.baseline import baselines
+from vdmsi_jax.diagnose.search.elimination import _swings, eliminate, is_late
+from vdmsi_jax.diagnose.signals.runs import lay_out
 
 PLANT, DT, LAG = vj.PlantSpec("servo", "u", "y"), 0.02, 0.3
 

@@ -19,11 +19,11 @@ from lasting_errors import (
     when_it_jumps,
     wind,
 )
-from vdmsi_jax.diagnose.disturbance import apart, demands, moving, scores
-from vdmsi_jax.diagnose.remains import Remains
-from vdmsi_jax.diagnose.result import Unexplained
-from vdmsi_jax.diagnose.unexplained import SMALL, events, slow_error, structure
-from vdmsi_jax.diagnose.windows import SLOW, moving_mean, slow_part
+from vdmsi_jax.diagnose.answer.result import Unexplained
+from vdmsi_jax.diagnose.residual.remains import Remains
+from vdmsi_jax.diagnose.signals.disturbance import apart, demands, moving, scores
+from vdmsi_jax.diagnose.signals.unexplained import SMALL, events, slow_error, structure
+from vdmsi_jax.diagnose.signals.windows import SLOW, moving_mean, slow_part
 
 
 def test_noise_is_no_slow_error():

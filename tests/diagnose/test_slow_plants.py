@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import vdmsi_jax as vj
+from vdmsi_jax.diagnose.actuator.starts import first_order, nested, plant
 from vdmsi_jax.diagnose.prepare import stage_of
-from vdmsi_jax.diagnose.runs import lay_out
-from vdmsi_jax.diagnose.starts import first_order, nested, plant
+from vdmsi_jax.diagnose.signals.runs import lay_out
 
 
 def tanks(seed: int, *, cascaded: bool = False, rim: float = np.inf, dt: float = 4.0):

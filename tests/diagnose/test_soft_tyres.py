@@ -5,8 +5,8 @@ Vehicle Dynamics, 2012, chs. 1 and 7), at a thousandth of a second."""
 import numpy as np
 import pytest
 
-from vdmsi_jax.diagnose.body import CAUSES, INDEX, WINDOW, Body, increments
-from vdmsi_jax.diagnose.body_search import search_body
+from vdmsi_jax.diagnose.body.body import CAUSES, INDEX, WINDOW, Body, increments
+from vdmsi_jax.diagnose.body.search import search_body
 from vdmsi_jax.models.bicycle import Bicycle
 
 FRONT, REAR, G = 1.25, 1.4, 9.81

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vdmsi_jax.diagnose.stage import _begins_at
+from vdmsi_jax.diagnose.actuator.stage import _begins_at
 
 RNG = np.random.default_rng(3)
 MANY = 25

@@ -8,7 +8,7 @@ import pytest
 import vdmsi_jax as vj
 from driven_servo import DT, FINE, ROWS, driven
 from vdmsi_jax.data.segment import Segment
-from vdmsi_jax.diagnose.free_response import free_response, on_its_way
+from vdmsi_jax.diagnose.actuator.free_response import free_response, on_its_way
 
 
 @pytest.mark.slow

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 
 import vdmsi_jax as vj
-from vdmsi_jax.diagnose.baseline import baselines
+from vdmsi_jax.diagnose.actuator.screen import acts_in_steps
 from vdmsi_jax.diagnose.diagnose import plants_of
 from vdmsi_jax.diagnose.prepare import stage_of
-from vdmsi_jax.diagnose.price import score
-from vdmsi_jax.diagnose.runs import lay_out, slower
-from vdmsi_jax.diagnose.screen import acts_in_steps
+from vdmsi_jax.diagnose.search.baseline import baselines
+from vdmsi_jax.diagnose.search.price import score
+from vdmsi_jax.diagnose.signals.runs import lay_out, slower
 
 DT, H, SECONDS = 0.01, 0.001, 40.0
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 import vdmsi_jax as vj
-from vdmsi_jax.diagnose.travelled import line_over
+from vdmsi_jax.diagnose.residual.travelled import line_over
 
 DT, ROWS = 0.01, 4000
 T = DT * np.arange(ROWS)

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from vdmsi_jax.data.record import Record
-from vdmsi_jax.diagnose.naming import Named
-from vdmsi_jax.diagnose.noise import OwnNoise
-from vdmsi_jax.diagnose.remains import Remains
-from vdmsi_jax.diagnose.result import Estimate, Unexplained
-from vdmsi_jax.diagnose.rounding import quantised, tells_rounding
-from vdmsi_jax.diagnose.unexplained import BURSTS
-from vdmsi_jax.diagnose.verdict import _lost, _or_else
-from vdmsi_jax.diagnose.weighing import of_innovations
+from vdmsi_jax.diagnose.answer.result import Estimate, Unexplained
+from vdmsi_jax.diagnose.findings.naming import Named
+from vdmsi_jax.diagnose.findings.rounding import quantised, tells_rounding
+from vdmsi_jax.diagnose.findings.verdict import _lost, _or_else
+from vdmsi_jax.diagnose.findings.weighing import of_innovations
+from vdmsi_jax.diagnose.residual.remains import Remains
+from vdmsi_jax.diagnose.signals.noise import OwnNoise
+from vdmsi_jax.diagnose.signals.unexplained import BURSTS
 from weighed_causes import (
     OTHER,
     SCORE,

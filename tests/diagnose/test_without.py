@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import vdmsi_jax as vj
-from vdmsi_jax.diagnose import budget
-from vdmsi_jax.diagnose.found import PlantFinding, Search
-from vdmsi_jax.diagnose.hypothesis import Hypothesis, Refit
-from vdmsi_jax.diagnose.lanes import POLES
-from vdmsi_jax.diagnose.naming import Named
+from vdmsi_jax.diagnose.actuator.hypothesis import Hypothesis, Refit
+from vdmsi_jax.diagnose.actuator.lanes import POLES
+from vdmsi_jax.diagnose.findings import budget
+from vdmsi_jax.diagnose.findings.naming import Named
 from vdmsi_jax.diagnose.prepare import stage_of
-from vdmsi_jax.diagnose.runs import lay_out
+from vdmsi_jax.diagnose.search.found import PlantFinding, Search
+from vdmsi_jax.diagnose.signals.runs import lay_out
 
 PLANT = vj.PlantSpec("servo", "u", "y")
 U = np.repeat(np.random.default_rng(1).uniform(-1.0, 1.0, 20), 20)

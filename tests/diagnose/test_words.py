@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from vdmsi_jax.diagnose.result import Estimate, Finding, Gain, Rival
-from vdmsi_jax.diagnose.verdict import _rank
-from vdmsi_jax.diagnose.words import apart, sentence
+from vdmsi_jax.diagnose.answer.result import Estimate, Finding, Gain, Rival
+from vdmsi_jax.diagnose.answer.words import apart, sentence
+from vdmsi_jax.diagnose.findings.verdict import _rank
 
 
 def found(before=80.0, after=90.0, share=0.5, **more) -> Finding:

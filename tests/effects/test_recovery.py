@@ -15,11 +15,11 @@ import pytest
 
 from effects import plain
 from effects.worlds import label
-from vdmsi_jax.diagnose.hypothesis import Hypothesis, Refit
-from vdmsi_jax.diagnose.lanes import FIRST_CAUSE, LEADS, POLES
-from vdmsi_jax.diagnose.refit import refit
-from vdmsi_jax.diagnose.screen import screen
-from vdmsi_jax.diagnose.stage import Slot, Stage
+from vdmsi_jax.diagnose.actuator.hypothesis import Hypothesis, Refit
+from vdmsi_jax.diagnose.actuator.lanes import FIRST_CAUSE, LEADS, POLES
+from vdmsi_jax.diagnose.actuator.refit import refit
+from vdmsi_jax.diagnose.actuator.screen import screen
+from vdmsi_jax.diagnose.actuator.stage import Slot, Stage
 from vdmsi_jax.effects import ACTUATOR, Scales, Signals
 
 ROWS, DT, SUBSTEPS = 1000, 0.02, 4

@@ -4,9 +4,10 @@
 
 Drives of the generator without a cause, with seeds that no hunt has. Of each, every cause that the
 search refits says how much of twice the log-likelihood it gains over the best plain plant, before
-data held out are asked; its price (`vdmsi_jax/diagnose/price.py`) must be above that. Likewise the
-kinds of error without a name (`vdmsi_jax/diagnose/families.py`). A line for each drive goes to
-FOLDER/results.jsonl, a rerun does what is missing, and FOLDER/README.md tells what came of it.
+data held out are asked; its price (`vdmsi_jax/diagnose/search/price.py`) must be above that.
+Likewise the kinds of error without a name (`vdmsi_jax/diagnose/residual/families.py`). A line for
+each drive goes to FOLDER/results.jsonl, a rerun does what is missing, and FOLDER/README.md tells
+what came of it.
 """
 
 import argparse
@@ -63,10 +64,10 @@ def gains(logs: Sequence) -> Line:
     """The causes' gains and prices, those of the body, and the kinds' statistics."""
     import jax
 
-    from vdmsi_jax.diagnose.body_search import search_body
+    from vdmsi_jax.diagnose.body.search import search_body
     from vdmsi_jax.diagnose.diagnose import plants_of
     from vdmsi_jax.diagnose.prepare import body_of, stage_of
-    from vdmsi_jax.diagnose.runs import lay_out
+    from vdmsi_jax.diagnose.signals.runs import lay_out
 
     causes: dict[str, list[float]] = {}
     kinds: dict[str, list[float]] = {}
@@ -82,13 +83,13 @@ def gains(logs: Sequence) -> Line:
 
 def _actuator(whole, spec, causes: dict, kinds: dict):
     """Adds what causes and kinds gain on an actuator; returns its plain model."""
-    from vdmsi_jax.diagnose.baseline import baselines
-    from vdmsi_jax.diagnose.families import weighed
-    from vdmsi_jax.diagnose.found import Search
-    from vdmsi_jax.diagnose.outcome import completed
-    from vdmsi_jax.diagnose.price import score
-    from vdmsi_jax.diagnose.questions import asked
-    from vdmsi_jax.diagnose.selection import climbed
+    from vdmsi_jax.diagnose.actuator.outcome import completed
+    from vdmsi_jax.diagnose.residual.families import weighed
+    from vdmsi_jax.diagnose.residual.questions import asked
+    from vdmsi_jax.diagnose.search.baseline import baselines
+    from vdmsi_jax.diagnose.search.found import Search
+    from vdmsi_jax.diagnose.search.price import score
+    from vdmsi_jax.diagnose.search.selection import climbed
 
     stage = whole.fitting
     grid = baselines(stage)
@@ -103,8 +104,8 @@ def _actuator(whole, spec, causes: dict, kinds: dict):
 
 def _vehicle(runs, body, plain, causes: dict, kinds: dict) -> None:
     """Adds what causes and kinds gain on the body."""
-    from vdmsi_jax.diagnose.families import weighed
-    from vdmsi_jax.diagnose.questions import asked_of_body
+    from vdmsi_jax.diagnose.residual.families import weighed
+    from vdmsi_jax.diagnose.residual.questions import asked_of_body
 
     for label, gain, price in _of_body(body, plain):
         _most(causes, label, gain, price)
@@ -114,7 +115,7 @@ def _vehicle(runs, body, plain, causes: dict, kinds: dict) -> None:
 
 def _of_actuator(stage, plain, f) -> tuple[str, float, float]:
     """Label, gain and price of the cause of a fit."""
-    from vdmsi_jax.diagnose.price import price, score
+    from vdmsi_jax.diagnose.search.price import price, score
 
     bare = replace(f.hypothesis, active=(), swing=None)
     cost = price(stage, f.hypothesis) - price(stage, bare)
@@ -123,10 +124,10 @@ def _of_actuator(stage, plain, f) -> tuple[str, float, float]:
 
 
 def _of_body(body, plain) -> Iterable[tuple[str, float, float]]:
-    from vdmsi_jax.diagnose.body import CAUSES
-    from vdmsi_jax.diagnose.body_fit import refit_body
-    from vdmsi_jax.diagnose.body_screen import screen_body
-    from vdmsi_jax.diagnose.body_search import body_price
+    from vdmsi_jax.diagnose.body.body import CAUSES
+    from vdmsi_jax.diagnose.body.fit import refit_body
+    from vdmsi_jax.diagnose.body.screen import screen_body
+    from vdmsi_jax.diagnose.body.search import body_price
 
     promising = [s for s in screen_body(body, plain) if s[0] > 0.0]
     for f in refit_body(body, [((k,), theta) for _, k, theta in promising]):
@@ -150,7 +151,7 @@ def _kinds(kinds: dict, found: Iterable) -> None:
 
 def report(lines: Sequence[Line]) -> str:
     """What was found, as text."""
-    from vdmsi_jax.diagnose.families import HELD, SURE
+    from vdmsi_jax.diagnose.residual.families import HELD, SURE
 
     over = [any(g > p for g, p in line["causes"].values()) for line in lines]
     parts = [

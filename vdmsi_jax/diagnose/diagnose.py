@@ -17,18 +17,18 @@ from ..data.slow_sensors import between_their_samples
 from ..errors import InputError
 from ..programs import make_room
 from ..threads import AT_ONCE, one_for_blas
-from .body_search import search_body
-from .contradictions import Contradiction, contradictions
-from .found import Search
-from .leftover import breaks_where_judged, is_another, only_where_judged
-from .noise import KnownNoise
+from .actuator.stage import Stage
+from .answer.result import Diagnosis, Unexplained
+from .body.search import search_body
+from .findings.rounding import of_the_sensor
+from .findings.verdict import Evidence
 from .prepare import body_of, stage_of, stands
-from .result import Diagnosis, Unexplained
-from .rounding import of_the_sensor
-from .runs import Runs, lay_out, slower
-from .search import ActsInSteps, search
-from .stage import Stage
-from .verdict import Evidence
+from .residual.leftover import breaks_where_judged, is_another, only_where_judged
+from .search.found import Search
+from .search.search import ActsInSteps, search
+from .signals.contradictions import Contradiction, contradictions
+from .signals.noise import KnownNoise
+from .signals.runs import Runs, lay_out, slower
 
 _OF_A_VEHICLE = ("v_cmd", "delta_cmd", "v", "delta", "r", "x", "y", "psi")
 

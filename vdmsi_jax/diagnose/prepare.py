@@ -13,14 +13,14 @@ from ..data.record import Record
 from ..effects import ACTUATOR, AbstractEffect, Scales, Signals
 from ..errors import InputError
 from ..models.bicycle import Bicycle
-from .angle import derived, steering_angle, yaw_rate_bias
-from .body import CHANNELS, WINDOW, Body, increments
-from .found import Search
-from .held_out import driving
-from .noise import KnownNoise, Pair, pairs, repeated
-from .runs import Runs
-from .stage import Stage
-from .windows import moving_mean
+from .actuator.stage import Stage
+from .body.body import CHANNELS, WINDOW, Body, increments
+from .search.found import Search
+from .signals.angle import derived, steering_angle, yaw_rate_bias
+from .signals.held_out import driving
+from .signals.noise import KnownNoise, Pair, pairs, repeated
+from .signals.runs import Runs
+from .signals.windows import moving_mean
 
 _SMOOTH = 0.1  # s, over which a signal is averaged whose plant is not known
 _FOREIGN = {

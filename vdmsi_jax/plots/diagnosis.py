@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
-from ..diagnose.document import left_over, title
-from ..diagnose.result import Budget, Diagnosis, Finding, Path, Response
-from ..diagnose.words import disturbed, in_words, verdict
+from ..diagnose.answer.document import left_over, title
+from ..diagnose.answer.result import Budget, Diagnosis, Finding, Path, Response
+from ..diagnose.answer.words import disturbed, in_words, verdict
 from .overlays import BASELINE, EXTENDED, best_window, draw_residuals, draw_signals, judged_run
 from .signals import NAMES
 from .style import (

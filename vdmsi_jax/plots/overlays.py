@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from ..config import CANONICAL
 from ..correlation import autocorrelation
-from ..diagnose.result import Path, Response
+from ..diagnose.answer.result import Path, Response
 from .signals import NAMES
 from .style import (
     COLOURS,

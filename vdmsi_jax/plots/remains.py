@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from ..correlation import autocorrelation, spectrum
-from ..diagnose.result import Response
+from ..diagnose.answer.result import Response
 from .residuals import BOUND
 from .style import COLOURS, INK, MUTED, framed, legend_above, styled
 

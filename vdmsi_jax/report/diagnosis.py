@@ -4,9 +4,9 @@ import math
 from collections.abc import Mapping, Sequence
 
 from .. import plots
-from ..diagnose.document import title
-from ..diagnose.result import ChannelScore, Diagnosis, Estimate, Finding, Gain, Response
-from ..diagnose.words import disturbed, in_words, resting
+from ..diagnose.answer.document import title
+from ..diagnose.answer.result import ChannelScore, Diagnosis, Estimate, Finding, Gain, Response
+from ..diagnose.answer.words import disturbed, in_words, resting
 from ..plots.diagnosis import worst_paths
 from ..plots.style import pretty_unit, squared_unit
 from .identification import what_was_read

@@ -2,7 +2,7 @@
 
 import math
 
-from ..diagnose.result import Gain
+from ..diagnose.answer.result import Gain
 from ..plots.style import pretty_unit
 from .text import number
 

@@ -1,0 +1,1 @@
+"""From causes that are in a model to what is said of them: names, weight, budget, detectability."""

@@ -1,0 +1,374 @@
+"""From what was found to the verdict: confirmed on held-out data, ranked, and what is left."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from ...config import PlantSpec
+from ...data.record import Record
+from ..actuator.hypothesis import Refit
+from ..actuator.manoeuvres import better, separate
+from ..actuator.refit import refit
+from ..actuator.screen import screen
+from ..answer.result import Budget, Detectable, Diagnosis, Finding, Rival, Unexplained
+from ..answer.words import apart, in_words, sentence, summary
+from ..body.body import ASKEW, CAUSES, CHANNELS
+from ..body.search import BodySearch, at_fixed, chained
+from ..residual.remains import Remains, unexplained
+from ..search.found import FEW, MARGIN, Search, output_of
+from ..search.judge import Scored, Trial, confirmed, gain_of
+from ..signals.angle import steering_angle
+from ..signals.runs import Runs
+from .body_detectability import detectable_in_body
+from .budget import of_channel, of_path, of_turning
+from .channels import channel_scores, responses, units_of
+from .detectability import detectable
+from .extension import extended_model, plain_model
+from .minor import LITTLE, Weighed, changes_somehow, crowd, overshadowed
+from .naming import Named, merged, of_body, of_stage, of_yaw_rate, with_form
+from .road import Road
+from .rounding import COARSE, quantised, tells_rounding
+from .weighing import Weighing, of_innovations
+
+_TWINS = {"powertrain": "v", "steering": "delta"}
+_SENSED = {"transport_delay": "sensor_delay", "offset": "sensor_bias"}
+
+
+@dataclass
+class Evidence:
+    """Everything that was found, on its way to a diagnosis."""
+
+    records: Sequence[Record]
+    runs: Runs
+    searches: Mapping[PlantSpec, Search]
+    bodily: BodySearch | None
+    unseen: tuple[str, ...]
+
+    def diagnosis(self) -> Diagnosis:
+        """Confirm on data held out, rank, and look at what is left."""
+        road = self._road()
+        models = (self.runs, self.searches, self.bodily)
+        remains = Remains.of(*models)
+        plain, extended = (channel_scores(*models[1:], extended=e) for e in (False, True))
+        rounded = quantised(self.records, extended)
+        trials = [(cause, self._trial(cause)) for cause in self._causes()]
+        sure = [t for t in trials if t[1].worth > 0.0 and not tells_rounding(*t, rounded)]
+        path = 1.0 if road is None else road.worsened
+        weighing = Weighing(self.searches, self.runs, plain, extended, path)
+        findings, minor, crowds = self._weighed(sure, trials, weighing, remains, road)
+        findings += [f for f in rounded if f.share >= COARSE]
+        minor += [apart(f, LITTLE) for f in rounded if f.share < COARSE]
+        beside = [f for f in findings if overshadowed(f, findings)]
+        findings = sorted((f for f in findings if f not in beside), key=_rank)
+        minor += [apart(f, "it may mend the form of a much stronger one") for f in beside]
+        left = [*remains.structure, *crowds]
+        open_ = unexplained(
+            left,
+            {f.gain.channel for f in findings},
+            {f.channel: f.share for f in rounded if f.channel is not None},
+            partial(_taken, weighing, findings),
+        )
+        explained = "explained" if findings else "no_effect"
+        told = Diagnosis(
+            verdict="unexplained_structure" if open_ else explained,
+            findings=tuple(findings),
+            minor=tuple(sorted(minor, key=_rank)),
+            unexplained=tuple(left),
+            disturbances=tuple(remains.disturbances),
+            baseline=plain_model(self.searches, self.records),
+            model=extended_model(self.searches, self.bodily, self.records),
+            orders={s.name: f.baseline.hypothesis.order for s, f in self.searches.items()},
+            channels=plain,
+            extended=extended,
+            ate=None if road is None else road.ate(),
+            budget=tuple(self._budget([cause for cause, _ in sure], road, remains.structure_left)),
+            detectable=self._detectable(),
+            unseen=self.unseen,
+            responses=tuple(responses(self.records, *models)),
+            paths=() if road is None else tuple(road.paths()),
+            records=tuple(self.records),
+            held_out=self._held_out(),
+            summary="",
+        )
+        return replace(told, summary=summary(told))
+
+    def _detectable(self) -> tuple[Detectable, ...]:
+        """What the logs would have shown, of the actuators and of the body."""
+        sizes: list[Detectable] = []
+        for spec, found in self.searches.items():
+            sizes += detectable(found.stage, found.final, units_of(self.records, spec))
+        return (*sizes, *([] if self.bodily is None else detectable_in_body(self.bodily)))
+
+    def _weighed(
+        self,
+        sure: Sequence[tuple[Named, Trial]],
+        trials: Sequence[tuple[Named, Trial]],
+        weighing: Weighing,
+        remains: Remains,
+        road: Road | None,
+    ) -> tuple[list[Finding], list[Finding], list[Unexplained]]:
+        """Of the sure causes those that matter and those that are minor, and the crowds of them
+        that are one without a name, as is a change with time of no sure form."""
+        findings, minor, crowds, of_plant = [], [], [], {}
+        for cause, trial in sure:
+            leads, told, less = weighing.leads(cause, trials), cause, None
+            if leads:  # each would take nearly as much without the other: what they take together
+                assert cause.search is not None
+                less = cause.search.plain
+                trial = self._trial(cause, less)
+                told = _or_else(cause, [c for c, _ in weighing.of_its_kind(cause, trials)])
+            found = self._finding(told, trial, road, less, alone=len(trials) == 1)
+            channel = trial.gain.channel
+            puzzle = _doubt(remains.puzzles, cause, trial)
+            disturbance = _doubt(remains.disturbed, cause, trial)
+            of = Weighed(weighing, cause, trial, found, trials, puzzle, disturbance, leads)
+            why = of.why_minor() or _lost(cause, found, remains, channel, of.share)
+            if why:
+                minor.append(apart(found, why))
+                if changes_somehow(found, why):
+                    said = f"it changes with time, of which {in_words(cause.cause)} is no sure form"
+                    crowds.append(Unexplained(channel, of.share, ("t",), (), said, puzzling=True))
+                continue
+            findings.append(found)
+            if cause.search is not None:
+                of_plant.setdefault(id(cause.search), []).append(found)
+        for spec, own in self.searches.items():
+            many, said = crowd(of_plant.get(id(own), []))
+            if many:
+                findings = [f for f in findings if f not in many]
+                minor += [apart(f, "several causes would have to explain one error") for f in many]
+                taken = min(weighing.taken(spec.output), 1.0)
+                crowds.append(Unexplained(spec.output, taken, (), (), said, puzzling=True))
+        return findings, minor, crowds
+
+    def _causes(self) -> list[Named]:
+        found = []
+        for spec, own in self.searches.items():
+            for cause in of_stage(own, units_of(self.records, spec)):
+                found.append(self._with_twin(spec, cause))
+        if self.bodily is not None:
+            found += of_body(self.bodily)
+        found, vehicle = merged(found), self.records[0].vehicle
+        if vehicle is None or any("delta" in record for record in self.records):
+            return found
+        per_angle = float(np.median(np.abs(self.runs.channel("v")))) / abs(vehicle.wheelbase)
+        return [of_yaw_rate(cause, per_angle) for cause in found]
+
+    def _with_twin(self, spec: PlantSpec, cause: Named) -> Named:
+        """A cause of an actuator whose sensor may have done the same, if the body lets it."""
+        word, channel = _SENSED.get(cause.cause), _TWINS.get(spec.role)
+        if word is None or channel is None:
+            return cause
+        lack = 0.0
+        if self.bodily is not None:
+            lack = self._lack_of_twin(word, channel, cause)
+        rival = Rival(word, "sensor", lack, lack < MARGIN, channel)
+        return replace(cause, rivals=tuple(sorted((*cause.rivals, rival), key=lambda r: r.deficit)))
+
+    def _lack_of_twin(self, word: str, channel: str, cause: Named) -> float:
+        assert self.bodily is not None
+        number = next(
+            (i for i, c in enumerate(CAUSES) if (c.cause, c.channel) == (word, channel)), None
+        )
+        value = next(iter(cause.parameters.values())).value
+        if number is None and word == "sensor_bias":  # of the angle: as wheels that stand otherwise
+            number, value = ASKEW, -value
+        if number is None or number in self.bodily.final.active:
+            return 0.0
+        return at_fixed(self.bodily, number, value)
+
+    # ---- gains -----------------------------------------------------------------------------
+
+    def _trial(self, cause: Named, less: Refit | None = None) -> Trial:
+        """What a cause is worth on data held out, in the channel that it is worth most in; of an
+        actuator's beside the model `less`, the one without it by default."""
+        tried, sure, faint = [], [], False
+        if cause.search is not None and cause.finding is not None:
+            stage, final = cause.search.stage, cause.search.final
+            name = output_of(self.searches, cause.search)
+            promised = cause.finding.promised
+            held, use = bool(stage.held_out.sum() > FEW), cause.search.judges
+            less = less or cause.search.usable_without(cause.finding)
+            scored = replace(
+                Scored.of_stage(stage, less, final),
+                channel=name,
+                memory=stage.scales.time_constant,
+            )
+            sure.append(confirmed(scored, use, self.runs.dt))
+            faint = held and scored.faint(stage.mask, use)
+            step = None if promised is None else replace(scored, after=promised.y)
+            tried.append((scored, use, held, step))
+        if cause.body is not None and self.bodily is not None:
+            body, final = self.bodily.body, self.bodily.final
+            bare, promised = cause.body.less, cause.body.promised
+            for c in body.measured:
+                scored, use, held = chained(body, final, bare, c)
+                sure.append(confirmed(scored, use, body.dt))
+                whole = replace(scored, before=bare.predicted[c], after=final.predicted[c])
+                far = near = None
+                if promised is not None:
+                    far = replace(whole, after=promised.predicted[c])
+                    near = chained(body, promised, bare, c)[0]
+                tried += [(whole, use, held, far), (scored, use, held, near)]
+        scored, use, held, step = max(tried, key=lambda t: t[0].taken(t[1]))
+        worth, variance = (sum(parts) for parts in zip(*sure, strict=True))
+        gain = gain_of(scored, use, held, self.runs.dt)
+        predicted = None if step is None else gain_of(step, use, held, self.runs.dt)
+        steady = worth / max(math.sqrt(variance), 1e-300)
+        fast = scored.fast(use, self.runs.dt)
+        return Trial(gain, predicted, worth if held else cause.statistic, steady, fast, faint)
+
+    def _finding(
+        self,
+        cause: Named,
+        trial: Trial,
+        road: Road | None,
+        less: Refit | None = None,
+        alone: bool = False,
+    ) -> Finding:
+        gain = trial.gain
+        share = max(
+            1.0 - gain.mse_after / max(gain.mse_before, 1e-300), of_innovations(cause, trial)
+        )
+        if road is not None:
+            before, after = road.without(cause, less), road.extended_mean
+            if alone:  # the baseline, whose order may be another, is a model without it, too
+                before = min(before, road.baseline_mean)
+            gain = replace(gain, ate_before=before, ate_after=after)
+        open_ = [r for r in cause.rivals if r.indistinguishable]
+        experiment = self._experiment(cause, open_) if open_ else None
+        found = Finding(
+            cause=cause.cause,
+            where=cause.where,
+            channel=cause.channel,
+            form=cause.form,
+            parameters=with_form(cause.parameters),
+            statistic=cause.statistic,
+            p_value=_chi_squared(cause.statistic, cause.freedom),
+            gain=gain,
+            predicted_gain=trial.predicted,
+            share=share,
+            rivals=cause.rivals,
+            separating_experiment=experiment,
+            sentence="",
+        )
+        return replace(found, sentence=sentence(found))
+
+    def _experiment(self, cause: Named, rivals: Sequence[Rival]) -> str:
+        if cause.body is not None:
+            return better(CAUSES[cause.body.number].effect, [r.cause for r in rivals])
+        assert cause.search is not None and cause.finding is not None
+        for k, _ in cause.finding.others:
+            slot = cause.search.stage.slots[k]
+            if any((slot.cause, slot.where) == (r.cause, r.where) for r in rivals):
+                other = _in_place(cause.search, cause.finding.less, k)
+                return separate(cause.search.stage, cause.search.final, other)
+        for beside in cause.search.findings:
+            slot = cause.search.stage.slots[beside.number]
+            if any((slot.cause, slot.where) == (r.cause, r.where) for r in rivals):
+                return separate(cause.search.stage, beside.less, cause.finding.less)
+        return _SENSOR
+
+    def _road(self) -> Road | None:
+        if self.bodily is None or not {*CHANNELS[1:]} <= set(self.bodily.body.measured):
+            return None
+        angle = steering_angle(self.runs)
+        assert angle is not None
+        return Road(
+            self.runs, {s.output: f for s, f in self.searches.items()}, self.bodily, angle[0]
+        )
+
+    def _budget(
+        self, causes: Sequence[Named], road: Road | None, structure: Mapping[str, float]
+    ) -> list[Budget]:
+        found = [
+            of_channel(
+                spec.output,
+                units_of(self.records, spec)[1],
+                own,
+                [c for c in causes if c.search is own],
+                structure.get(spec.output, 0.0),
+            )
+            for spec, own in self.searches.items()
+        ]
+        if self.bodily is not None and "r" in self.bodily.body.measured:
+            found.append(of_turning(self.bodily, causes, structure.get("r", 0.0)))
+        return found if road is None else [*found, of_path(road, causes)]
+
+    def _held_out(self) -> str:
+        runs = self.runs
+        if all(runs.judged):
+            return "three tenths of each stretch of the logs, which lie apart"
+        return "whole logs: " + ", ".join(runs.judging())
+
+
+def _rank(found: Finding) -> tuple[float, float]:
+    """What orders findings: what they cost on the road, and then the share of their channel."""
+    return -found.gain.cost, -found.share
+
+
+def _taken(weighing: Weighing, findings: Sequence[Finding], channel: str) -> float:
+    """Share of a channel's error that findings took, of a baseline with the poles that tell a mode
+    or a delay as well, or of the model without the one that took most; where they were fitted or on
+    data held out, whichever is less."""
+    shares = [f.share for f in findings if f.gain.channel == channel]
+    return min(max([weighing.taken(channel), *shares]), weighing.fitted(channel))
+
+
+def _lost(cause: Named, found: Finding, remains: Remains, channel: str, share: float) -> str:
+    """Why a cause is minor beside what no cause accounts for; empty where it is not."""
+    outdone = any(f in (cause.finding, cause.body) for f in remains.outdone)
+    lags = cause.body is not None and remains.lags(found.cause)
+    if outdone or lags or remains.outdoes(found.cause, channel, share):
+        return "a kind of error that has no name here explains it better"
+    if remains.drowns(channel, found.share, cause.hides_small):
+        return "a load that a controller answers is much larger"
+    if remains.echoes(channel, found.share, found.statistic, cause.hides_small):
+        return "a controller makes the commands, which may know what else is wrong"
+    # that the vehicle moves faster than its speed says is told by that sensor, too
+    sensor = "v" if cause.cause == "speed_scale" else cause.channel
+    if cause.where in ("sensor", "vehicle") and sensor in remains.dropping:
+        return "its sensor drops out"
+    return ""
+
+
+def _or_else(cause: Named, others: Sequence[Named]) -> Named:
+    """A cause that others of its model could stand in for."""
+    stand_ins = [Rival(other.cause, other.where, 0.0, True) for other in others]
+    names = {(r.cause, r.where) for r in stand_ins}
+    rest = [r for r in cause.rivals if (r.cause, r.where) not in names]
+    return replace(cause, rivals=(*stand_ins, *rest))
+
+
+def _doubt(shares: Mapping[str, float], cause: Named, trial: Trial) -> float:
+    """Share of what is left that casts doubt where a cause is told; of the body, in its yaw rate
+    and in the responses of the actuators as well, by which it moves."""
+    channels = [trial.gain.channel, *(("r", *_TWINS.values()) if cause.body is not None else ())]
+    return max(shares.get(c, 0.0) for c in channels)
+
+
+def _in_place(found: Search, less: Refit, number: int) -> Refit:
+    """The model with another cause in the place of one; itself where it has that, in some form."""
+    alone = found.stage.but(set(found.stage.allowed) - {number})
+    starts = [c.beside(less.hypothesis) for c in screen(alone, less)[:1]]
+    return next(iter(refit(found.stage, starts)), less)
+
+
+def _chi_squared(statistic: float, freedom: int) -> float:
+    """Probability that a chi-squared variable exceeds `statistic`, by its finite sums."""
+    x, k = 0.5 * max(statistic, 0.0), freedom
+    if k % 2 == 0:
+        terms = [x**i / math.factorial(i) for i in range(k // 2)]
+        return math.exp(-x) * sum(terms) if x < 700 else 0.0
+    tail = math.erfc(math.sqrt(x))
+    terms = [x ** (i + 0.5) / math.gamma(i + 1.5) for i in range(k // 2)]
+    return tail + (math.exp(-x) * sum(terms) if x < 700 else 0.0)
+
+
+_SENSOR = (
+    "log the yaw rate and the pose beside this channel: a sensor's fault is not seen in them, "
+    "and an actuator's is"
+)

@@ -1,0 +1,222 @@
+"""What a model leaves: what weighs against its causes, and whether the logs are explained by it."""
+
+import math
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+from ...config import PlantSpec
+from ..actuator.feedback import is_answered, trembles
+from ..answer.result import Unexplained
+from ..body.search import BodySearch
+from ..search.found import Search
+from ..signals.runs import Runs
+from ..signals.unexplained import BURSTS, SMALL
+from .families import HYSTERESIS, MEMORY, OF_STATES, PACE, PACE_BY_OTHER, STICKING
+from .leftover import leftover
+from .stand_ins import stand_ins
+
+_SERIOUS, _MOSTLY = 0.05, 0.3  # share of structure in a residual that is spoken of, and that weighs
+_FEEBLE, _HARDLY = 0.025, 0.2  # size beside the response, and share, below which both structure is
+# but noise that is louder where more is asked: of a clean log 0.02 and 0.14, and of eight exams and
+# 2000 hunted logs no other so little
+_SETTLED = 0.75  # share of a channel's error from which on findings have explained it
+_OPEN = 0.12  # share of it that is left and structure, from which on they have not
+_PLAIN, _PART = 0.1, 0.1  # slow error, of a response's spread, and share of what is left that it
+# is, from which on it is open whatever noise is around it
+_EVIDENT, _MOST = 0.05, 0.6  # the same where it is most of what is left: of 1500 logs beside one
+# right name (0.07 and 0.87, a limit of its own form), and beside wrong ones from 0.06 and 0.64
+_ELSEWHERE = 0.08  # slow error, of a response's spread, that weighs beside findings elsewhere,
+_WIND_ELSEWHERE = 0.12  # and one that goes with nothing commanded
+_NO_WIND, _NO_EVEN_WIND = 0.085, 0.16  # the same, beyond which an error is no disturbance, and one
+# that nothing hints at being another thing: of clean exams up to 0.084, even ones 0.14; of what
+# the library lacks 0.09 to 0.33
+_NO_LOAD = 1.0  # the same of one that a controller answers: a load may be all that moves a loop
+_DROWNED = 0.33  # share of a channel's error, below which a cause beside such a load is minor
+_ECHOED = 100.0  # twice the log-likelihood, below which it is beside any error that one answers: a
+# friction of a clean loop had 59, right names in loops from 200
+_PLAYED = 0.5  # the same of a play of the command: of clean loops 0.26, 0.38 and 0.48, of true
+# ones from 0.59
+_BY_STATES = 0.15  # share of a channel's error, that some function of states takes beside a cause
+# that stands in for it: beside right names up to 0.12, beside wrong ones 0.06 to 0.27
+_MOSTLY_BY_STATES = 0.06, 0.4  # the same of one that sticks, where that is so much of what is left
+# of it: beside right names up to 0.04 and 0.25, beside wrong ones from 0.094 and 0.45
+_BY_TURNS = 0.05  # likewise a hysteresis: beside wrong names from 0.096, beside no right one
+_BY_PACE, _BY_MEMORY = 0.01, 0.01  # likewise these: beside wrong names from 0.02 and 0.014,
+# beside one right name of 1500 alone, 0.002
+_PACED_LIMIT = 0.1  # a limit that is not sharp leaves such, too: a right one 0.073, wrong from 0.13
+_LAGS_OF_BODY = ("tyre_relaxation", "yaw_inertia", "sensor_lag", "sensor_delay")
+_LAGGING = 0.3  # share of what is left of an actuator, that its changing lag is beside such a lag
+_BENDS = ("gain_nonlinearity", "saturation", "gain_asymmetry", "drag")
+_OF_STATES = (*_BENDS, "rate_limit", "dead_zone", "coulomb_friction", "backlash")
+_WORN = (*_BENDS, "offset", "gain_drift", "regime_change")
+_FREER = (
+    (OF_STATES, (*_OF_STATES, "periodic_disturbance"), _BY_STATES, 0.0),
+    (OF_STATES, STICKING, *_MOSTLY_BY_STATES),
+    (HYSTERESIS, STICKING, _BY_TURNS, 0.0),
+    (PACE, _BENDS, _BY_PACE, 0.0),
+    (PACE, ("rate_limit",), _PACED_LIMIT, 0.0),
+    (MEMORY, _WORN, _BY_MEMORY, 0.0),
+)  # kinds of error, causes that may be a part of such, and the least share, and of what is left
+
+
+@dataclass(frozen=True, eq=False)
+class Remains:
+    """What is left when all causes are in the model.
+
+    Attributes:
+        found: structure that no cause accounts for, disturbances among it.
+        outdone: the causes (findings of an actuator or of the body) that only stand in for a kind
+            of error that the library lacks.
+        structure_left: by channel, the largest share of what is left that is structure.
+        echoing: channels whose commands a controller makes.
+    """
+
+    found: tuple[Unexplained, ...]
+    outdone: tuple[object, ...]
+    structure_left: Mapping[str, float] = field(default_factory=dict)
+    echoing: frozenset[str] = frozenset()
+
+    @classmethod
+    def of(
+        cls, runs: Runs, searches: Mapping[PlantSpec, Search], bodily: BodySearch | None
+    ) -> "Remains":
+        """Look at what the model leaves."""
+        stages = {spec.output: (own.stage, own.final) for spec, own in searches.items()}
+        loops = {channel for channel, told in stages.items() if is_answered(*told)}
+        noisy = {c for c, (stage, _) in stages.items() if trembles(stage.u, stage.mask)}
+        echoing = frozenset(loops | noisy)
+        left = leftover(runs, searches, bodily, loops, echoing)
+        outdone = stand_ins(runs, searches, bodily)
+        structure = _largest(u for u in left if not u.steady)
+        left += [u for _, u in outdone if u.fraction > 0.0]
+        return cls(tuple(left), tuple(f for f, _ in outdone), structure, echoing)
+
+    @cached_property
+    def disturbances(self) -> list[Unexplained]:
+        """Steady slow errors that go with nothing commanded, as wind."""
+        return [u for u in self.found if u.steady and not _too_large(u)]
+
+    @cached_property
+    def structure(self) -> list[Unexplained]:
+        """All else, with the slow errors that are too large for wind."""
+        said = "{}, which goes with nothing commanded".format
+        return [u for u in self.found if not u.steady] + [
+            replace(u, test=said(u.test)) for u in self._beyond
+        ]
+
+    @cached_property
+    def puzzles(self) -> dict[str, float]:
+        """By channel, the largest share that casts doubt on causes beside it."""
+        puzzling = [u for u in self.found if u.puzzling and not u.steady]
+        return _largest([*puzzling, *self._beyond])
+
+    def outdoes(self, cause: str, channel: str, share: float) -> bool:
+        """Whether a kind of error takes so much more of a channel's beside a cause of that kind,
+        that this, which takes a `share`, is but a part of what the library lacks."""
+        for kind, causes, least, most in _FREER:
+            by_kind = _largest(u for u in self.found if u.kind == kind).get(channel, 0.0)
+            if cause in causes and by_kind > most and by_kind * (1.0 - share) > least:
+                return True
+        return False
+
+    def lags(self, cause: str) -> bool:
+        """Whether an actuator lags by another time constant now and then, so that a lag of the body
+        that it moves may be a part of that."""
+        slower = [u.fraction for u in self.found if u.kind in (PACE, PACE_BY_OTHER)]
+        return cause in _LAGS_OF_BODY and max(slower, default=0.0) > _LAGGING
+
+    def echoes(
+        self, channel: str, share: float, statistic: float, hides_small: bool = False
+    ) -> bool:
+        """Whether a controller makes the commands of a channel, and a cause takes so small a
+        `share`, so unsurely, that it may tell what these know of the error: more than its past
+        does, where the controller has a sensor of its own. One that is quicker than the log moves
+        its commands between the rows, too, so that a play seems to hide what is logged of that."""
+        if channel not in self.echoing:
+            return False
+        hidden = hides_small and share < _PLAYED
+        return hidden or (share < _DROWNED and statistic < _ECHOED)
+
+    def drowns(self, channel: str, share: float, hides_small: bool = False) -> bool:
+        """Whether most of what is left of a channel is a load that a controller answers, beside
+        which a cause takes so small a `share` that it may tell what the commands know of it: as a
+        play of the command does, which `hides_small` moves, and those are the answers."""
+        loads = _largest(u for u in self.found if u.answered)
+        return loads.get(channel, 0.0) > _SETTLED and share < (_PLAYED if hides_small else _DROWNED)
+
+    @cached_property
+    def disturbed(self) -> dict[str, float]:
+        """By channel, the largest share of a steady slow error."""
+        return _largest(u for u in self.found if u.steady)
+
+    @cached_property
+    def dropping(self) -> set[str]:
+        """Channels whose measurement drops out."""
+        return {u.channel for u in self.structure if u.kind == BURSTS and u.fraction > _MOSTLY}
+
+    @cached_property
+    def _beyond(self) -> list[Unexplained]:
+        return [u for u in self.found if u.steady and _too_large(u)]
+
+
+def _too_large(disturbance: Unexplained) -> bool:
+    """Whether it is larger than what wind, rough ground and loads do."""
+    if disturbance.answered:
+        return disturbance.size > _NO_LOAD
+    return disturbance.size > (_NO_EVEN_WIND if disturbance.even else _NO_WIND)
+
+
+def unexplained(
+    left: Iterable[Unexplained],
+    touched: Collection[str],
+    rounds: Mapping[str, float],
+    taken: Callable[[str], float],
+) -> bool:
+    """Whether what is left says that the logs are not explained.
+
+    Args:
+        left: structure that is left.
+        touched: channels that findings act on; none where nothing was found.
+        rounds: by channel, the share that a rounding may differ by itself.
+        taken: share of a channel's error that findings took.
+    """
+    serious = [
+        u
+        for u in left
+        if u.fraction > _SERIOUS
+        and u.size >= (SMALL if u.fraction > _HARDLY else _FEEBLE)
+        and not u.of_form
+        and (u.puzzling or u.fraction > rounds.get(u.channel, 0.0))
+    ]
+    if not touched:
+        return bool(serious)
+    turned = {"r"} if "psi" in touched else set()  # one motion tells both
+    if any(_plain(u) and u.channel in turned.union(touched) for u in serious):
+        return True
+    return any(
+        u.fraction > _MOSTLY
+        and not _settled(u, taken(u.channel))
+        and (u.channel in touched or u.size > (_WIND_ELSEWHERE if u.steady else _ELSEWHERE))
+        for u in serious
+    )
+
+
+def _plain(left: Unexplained) -> bool:
+    """Whether it is a slow error that is large beside the response, and no disturbance."""
+    slow = left.puzzling and not left.steady and math.isfinite(left.size)
+    large = left.size > _PLAIN and left.fraction > _PART
+    return slow and (large or (left.size > _EVIDENT and left.fraction > _MOST))
+
+
+def _settled(left: Unexplained, taken: float) -> bool:
+    """Whether findings that took a share of a channel's error have explained it all the same."""
+    return taken > _SETTLED and left.fraction * (1.0 - taken) < _OPEN
+
+
+def _largest(left: Iterable[Unexplained]) -> dict[str, float]:
+    """The largest fraction in each channel."""
+    found: dict[str, float] = {}
+    for u in left:
+        found[u.channel] = max(found.get(u.channel, 0.0), u.fraction)
+    return found

@@ -1,0 +1,322 @@
+"""From a stage to the causes that explain it: baseline, forward selection, elimination, rivals,
+and what data held out bear out of it."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ..actuator import swing
+from ..actuator.feedback import is_answered
+from ..actuator.hypothesis import Refit, cleared
+from ..actuator.outcome import completed
+from ..actuator.refit import PATIENT, refit
+from ..actuator.screen import acts_in_steps
+from ..actuator.stage import Stage
+from ..actuator.starts import errs_slowly, hilly
+from ..signals.disturbance import IMITATORS
+from ..signals.noise import BriefNoise, OwnNoise
+from ..signals.unexplained import extent
+from .baseline import baselines, order_of
+from .disguise import stilled
+from .elimination import eliminate, rings_rather
+from .found import FEW, Failed, PlantFinding, Search
+from .judge import Scored, confirmed, gain_of
+from .price import CAUSE_COST, score
+from .rivals import findings_of, worths
+from .selection import climbed
+
+SWAPS = 3
+SWAPPED = 2.0  # by which another cause must be better to take a place
+_AGAIN = 2  # failures after which the way is gone again without what failed
+_MUCH, SURE = 0.4, 2.5  # share of the error, and standard errors, that data held out bear out
+_SURER = 3.0  # standard errors likewise, of a cause that can draw nearly any error
+_CLOSE, _LASTS = 5.0, 0.2  # of the score, that a cause may lack; share that it must take elsewhere
+WORSENED = 0.2  # of the squared error on data held out, by which a cause may usually raise it
+MADE_UP = 0.05  # of it, that it must take on the whole if it does
+FREE = 6.0
+"""Weight of a cause from which on it can draw nearly any error."""
+_CLEAR = 2.0  # standard deviations, below which a parameter may be nothing
+_BORNE_OUT = 0.25  # of what such a cause takes where it is fitted, that must last elsewhere
+
+_BRIEF = 0.1  # of the plant's time constant, that noise may last
+_LARGE, _LASTING = 0.04, 3.0  # of the response's spread, and of the innovations' variance, beyond
+# which an error is asked for by brief noise
+_TAKES = 0.25  # of it, that the causes found so must take from data held out
+
+
+class ActsInSteps(Exception):  # noqa: N818 - no error: it asks for the log's own rows
+    """A command acts in steps that only the rows of the log itself can tell."""
+
+
+def search(stage: Stage) -> Search:
+    """Find the causes that a stage's data support; where noise of its own colour leaves an error
+    that is large and lasts, those by noise that is brief, if data held out bear these out.
+
+    Raises:
+        ActsInSteps: the stage's rows are means of the log's own, and those have to be looked at.
+    """
+    found = _search(stage, may_step=True)
+    if not _lasts(found):
+        return found
+    stage = found.stage
+    brief = BriefNoise(_BRIEF * stage.scales.time_constant, stage.dt)
+    known = {f.number for f in found.findings}
+    # what is linear shows in the innovations, whatever their colour
+    barred = (IMITATORS | {"transport_delay"}) - {"offset"}
+    asked = tuple(k for k in stage.allowed if k in known or stage.slots[k].cause not in barred)
+    other = _search(replace(stage, noise=brief, allowed=asked))
+    return other if _bears_out(found, other) else found
+
+
+def _lasts(found: Search) -> bool:
+    """Whether the model leaves an error that `lasts`. Not where a controller answers it, whose
+    commands tell it by themselves."""
+    stage, error = found.stage, found.final.error(found.stage)
+    if not isinstance(stage.noise, OwnNoise) or stage.held_out.sum() <= FEW:
+        return False
+    large = lasts(error, found.final.variance, stage.y[stage.mask])
+    return large and not is_answered(stage, found.final)
+
+
+def _bears_out(found: Search, other: Search) -> bool:
+    """Whether data held out bear another search out."""
+    if not other.findings:
+        return False
+    stage = found.stage
+    scored = Scored.of_stage(stage, found.final, other.final)
+    return clearly_less(scored, stage.held_out, stage.dt)
+
+
+def lasts(error: float, variance: float, response: Float[np.ndarray, " n"]) -> bool:
+    """Whether a mean squared error is large beside the response and much larger than its
+    innovations': a colour that is estimated takes it for noise, whatever makes it."""
+    return math.sqrt(error) > _LARGE * extent(response) and error > _LASTING * variance
+
+
+def clearly_less(scored: Scored, use: Bool[np.ndarray, "R N"], dt: float) -> bool:
+    """Whether the error of data held out is less after than before, surely and by much."""
+    return gain_of(scored, use, True, dt).sureness > SURE and scored.taken(use) > _TAKES
+
+
+@dataclass
+class _Path:
+    """Where a search has been: what it must not try again, so that it comes to an end."""
+
+    failed: list[Failed] = field(default_factory=list)
+    borne: set[int] = field(default_factory=set)  # that data held out bear out, whatever they cost
+    swapped: set[tuple] = field(default_factory=set)  # kinds that took a place
+    swaps: int = 0  # since a cause last failed or was borne out
+
+    @property
+    def barred(self) -> set[int]:
+        """Causes that data held out did not bear out."""
+        return {f.finding.number for f in self.failed}
+
+    def may_swap(self, kind: tuple) -> bool:
+        """Whether a model may take the place: one that had it, and failed, would do so for ever."""
+        return self.swaps < SWAPS and kind not in self.swapped
+
+    def swap(self, kind: tuple) -> None:
+        """Note the kind of a model that takes the place."""
+        self.swapped.add(kind)
+        self.swaps += 1
+
+
+def _search(stage: Stage, may_step: bool = False) -> Search:
+    """What one kind of noise lets the data support."""
+    whole, stage = stage, stage.fitting
+    grid = baselines(stage)
+    plain = max(grid.values(), key=lambda f: score(stage, f))
+    if may_step and acts_in_steps(stage, plain):
+        raise ActsInSteps
+    now, seen = climbed(stage, plain, grid)
+    path = _Path()
+    while True:
+        now = eliminate(stage, now, seen, path.borne)
+        findings = worths(stage, now)
+        found = _whole(whole, stage, plain, grid, now, findings)
+        worst = _failing(found)
+        if worst is not None:  # before what could stand in its place, which takes long
+            path.failed.append(Failed(found.findings[worst], found.final))
+            path.swaps, again = 0, None
+            if len(path.failed) <= _AGAIN:
+                again, more = climbed(stage.but(path.barred), plain, grid)
+                seen |= more
+            now = _instead(stage, findings[worst].less, seen, path.barred)
+            if again is not None and not now.hypothesis.active:
+                now = again  # a name that is worth less than its price, and yet told
+            continue
+        findings, other = findings_of(stage, findings, now, seen, path.barred)
+        if (
+            other is not None
+            and path.may_swap(other.hypothesis.kind)
+            and _takes_over(stage, now, other, seen)
+        ):
+            path.swap(other.hypothesis.kind)
+            now = other
+            continue
+        pairs = zip(findings, found.findings, strict=True)
+        found = replace(found, findings=tuple(replace(f, less=own.less) for f, own in pairs))
+        more = _borne_out(found, seen, path.barred | path.borne)
+        if more is None:
+            told = _foretold(whole, found.findings)
+            failed = tuple(path.failed)
+            return replace(found, findings=told, failed=failed)
+        path.borne |= set(more.hypothesis.active) - set(now.hypothesis.active)
+        path.swaps, now = 0, more
+
+
+def _takes_over(stage: Stage, now: Refit, other: Refit, seen: Mapping[tuple, Refit]) -> bool:
+    """Whether a model with another cause in the place of one explains more."""
+    better = score(stage, other) >= score(stage, now) + SWAPPED
+    return better and not rings_rather(stage, now, other, seen)
+
+
+def _failing(found: Search) -> int | None:
+    """Which cause data held out do not bear out, if any."""
+    worth = [_confirmed(found, f) for f in found.findings]
+    if len(worth) > 1 and _untold(found, found.findings[-1]):
+        worth[-1] = min(worth[-1], 0.0)
+    against = Scored.of_stage(found.stage, found.plain, found.final)
+    if not worth or (min(worth) > 0.0 and not _worse(against, found.stage)):
+        return None
+    return _first_out(found.findings, worth)
+
+
+def _first_out(findings: Sequence[PlantFinding], worth: Sequence[float]) -> int:
+    """Of several causes that fail together, the one that gained least: it may spoil the others."""
+    failing = [k for k, w in enumerate(worth) if w <= 0.0] or [worth.index(min(worth))]
+    return min(failing, key=lambda k: findings[k].gain)
+
+
+def _whole(
+    whole: Stage,
+    stage: Stage,
+    plain: Refit,
+    grid: Mapping[tuple[int, int], Refit],
+    now: Refit,
+    findings: Sequence[PlantFinding],
+) -> Search:
+    """What was found in the runs that were fitted, over all runs."""
+    bare = replace(now.hypothesis, active=(), theta=cleared(stage, now.hypothesis))
+    order = order_of(now.hypothesis)
+    baseline = grid[order] if order in grid else refit(stage, [bare])[0]
+    if score(stage, plain) > score(stage, baseline) or not findings:
+        baseline = plain
+    if not findings:
+        now = plain
+    swings = any(stage.slots[f.number].cause == swing.CAUSE for f in findings)
+    if swings and not _damped(stage, baseline):
+        damped = [f for f in grid.values() if _damped(stage, f)]
+        baseline = max(damped, key=lambda f: score(stage, f), default=baseline)
+    kept = [plain, baseline, now, *(f.less for f in findings)]
+    plain, baseline, now, *less = completed(whole, kept)
+    findings = tuple(replace(f, less=k) for f, k in zip(findings, less, strict=True))
+    return Search(whole, plain, baseline, now, findings)
+
+
+def _damped(stage: Stage, fit: Refit) -> bool:
+    """Whether no mode of a plant swings on through the runs, as what disturbs it does."""
+    return stilled(stage, fit.hypothesis) is fit.hypothesis
+
+
+def _foretold(whole: Stage, findings: Sequence[PlantFinding]) -> tuple[PlantFinding, ...]:
+    """Findings with what the screen had promised over all runs."""
+    known = [f.promised for f in findings if f.promised is not None]
+    every = iter(completed(whole, known) if known else [])
+    return tuple(f if f.promised is None else replace(f, promised=next(every)) for f in findings)
+
+
+def _confirmed(found: Search, finding: PlantFinding) -> float:
+    """Twice the log-likelihood that a cause gains on data held out, beside all the others, or as
+    much less than nothing where the plain error gets clearly worse; what it gained in the fit where
+    none is held out."""
+    stage = found.stage
+    if stage.held_out.sum() <= FEW:
+        return finding.gain
+    less = found.without(finding)
+    scored = Scored.of_stage(stage, less, found.final)
+    worth = confirmed(scored, stage.held_out, stage.dt)[0]
+    fails = _worse(scored, stage) or _drawn(stage, finding.number, scored)
+    return -abs(worth) if fails else worth
+
+
+def _untold(found: Search, finding: PlantFinding) -> bool:
+    """Whether the data tell no parameter of a cause from nothing, nor all of them together: it
+    takes what is left of another, and blurs that one."""
+    each, together = found.away(finding)
+    return bool(each.size and each.max() < _CLEAR and together < _CLEAR**2 * each.size)
+
+
+def _drawn(stage: Stage, number: int, scored: Scored) -> bool:
+    """Whether a cause with many parameters has drawn the error that was fitted, and tells little of
+    that of data held out, or too little to be sure where these are parts of the same runs: a slow
+    error goes on from one part to the next."""
+    if stage.slots[number].weight < FREE:
+        return False
+    if scored.taken(stage.held_out) < _BORNE_OUT * scored.taken(stage.mask):
+        return True
+    gain = gain_of(scored, stage.held_out, True, stage.dt)
+    parts = np.any(stage.mask.any(axis=1) & stage.held_out.any(axis=1))
+    return bool(parts) and gain.sureness < SURE
+
+
+def _worse(scored: Scored, stage: Stage) -> bool:
+    """Whether the plain error of data held out usually gets clearly larger, and is not made up for
+    on the whole."""
+    use = stage.held_out
+    if use.sum() <= FEW or scored.taken(use) > MADE_UP:
+        return False
+    return bool(np.median(scored.parts(use, stage.dt)) < -WORSENED)
+
+
+def _instead(stage: Stage, less: Refit, seen: Mapping[tuple, Refit], failed: set[int]) -> Refit:
+    """The best model without what failed: `less`, or one that was passed by on the way. The causes
+    beside it that failed may have served it alone."""
+    fits = [f for f in seen.values() if not failed & set(f.hypothesis.active)]
+    return max([less, *fits], key=lambda f: score(stage, f))
+
+
+def _borne_out(found: Search, seen: Mapping[tuple, Refit], known: set[int]) -> Refit | None:
+    """The final model with a cause more that is not worth its price where it was fitted, and yet
+    takes much of the error, there and on data held out: of what is slow, an estimated colour takes
+    most of the evidence. Hills, which are slow, are always among them. Or one that is nearly as
+    good where it was fitted, and usually better elsewhere. None of those known."""
+    stage, final = found.stage, found.final
+    if stage.held_out.sum() <= FEW:
+        return None
+    seen_error, as_good = final.error(stage), score(stage, final) - _CLOSE
+
+    def takes_much(f: Refit) -> bool:
+        return f.error(stage.fitting) < (1.0 - _MUCH) * seen_error
+
+    had = set(final.hypothesis.active)
+    h = final.hypothesis
+    if h.swing is not None:
+        h = replace(h, swing=h.swing[stage.mask.any(axis=1)])
+    more = hilly(stage.fitting, h) if errs_slowly(stage, final) else []
+    fits = [
+        f
+        for f in [*seen.values(), *refit(stage.fitting, more, rounds=PATIENT)]
+        if f.adds_one_to(had)
+        if not known & (set(f.hypothesis.active) - had)
+        if f.loglik > final.loglik and (takes_much(f) or score(stage, f) > as_good)
+    ]
+    best, most = None, 0.0
+    for f, whole in zip(fits, completed(stage, fits) if fits else [], strict=True):
+        scored = Scored.of_stage(stage, final, whole)
+        gain = gain_of(scored, stage.held_out, True, stage.dt)
+        worth = confirmed(scored, stage.held_out, stage.dt)[0]
+        taken = scored.taken(stage.held_out)
+        (new,) = set(f.hypothesis.active) - had
+        least = _SURER if stage.slots[new].weight >= FREE else SURE
+        if takes_much(f):
+            elsewhere = taken > _MUCH and worth > CAUSE_COST
+        else:
+            elsewhere = taken > _LASTS and gain.typical > 0.0 and worth > 0.0
+        if gain.sureness > least and elsewhere and taken > most:
+            best, most = f, taken
+    return best

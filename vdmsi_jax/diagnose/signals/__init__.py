@@ -1,0 +1,1 @@
+"""What logs hold before any model: runs, noise and its colour, disturbances, contradictions."""
