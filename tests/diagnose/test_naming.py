@@ -7,7 +7,14 @@ import pytest
 
 from vdmsi_jax.diagnose.actuator.hypothesis import Hypothesis, Refit
 from vdmsi_jax.diagnose.answer.result import Estimate, Rival
-from vdmsi_jax.diagnose.findings.naming import Named, _friction, as_offset, merged, with_form
+from vdmsi_jax.diagnose.findings.naming import (
+    Named,
+    _friction,
+    _same_force,
+    as_offset,
+    merged,
+    with_form,
+)
 
 
 def named(cause: str, where: str, **parameters: tuple[float, float]) -> Named:
@@ -109,3 +116,19 @@ def test_the_static_level_of_friction_is_told_where_the_data_tell_it(level, more
     assert {name: e.value for name, e in found.items()} == pytest.approx(told)
     if "static" in told:
         assert found["static"].std == pytest.approx(together)
+
+
+@pytest.mark.parametrize(
+    ("cause", "parameters", "alike"),
+    [
+        ("drag", {"linear": 0.1, "quadratic": 0.02}, "coulomb_friction"),
+        ("drag", {"linear": 0.1, "quadratic": 0.2}, None),
+        ("backlash", {"gap": 0.1, "centring": 13.0}, "dead_zone"),
+        ("backlash", {"gap": 0.1, "centring": 1.0}, None),
+        ("backlash", {"gap": 0.1}, None),
+    ],
+)
+def test_causes_that_are_the_same_force(cause, parameters, alike):
+    """Uncertain by 0.01; the slowest time constant is 0.2 s."""
+    told = {name: Estimate(value, 0.01, "1") for name, value in parameters.items()}
+    assert _same_force(cause, told, 0.2) == alike

@@ -29,7 +29,7 @@ from vdmsi_jax.diagnose.residual.families import (
 from vdmsi_jax.diagnose.residual.leftover import _of_a_kind, _of_the_most
 from vdmsi_jax.diagnose.residual.remains import Remains, unexplained
 from vdmsi_jax.diagnose.signals.chain import bands, regress
-from vdmsi_jax.diagnose.signals.unexplained import SMALL, beside_response
+from vdmsi_jax.diagnose.signals.unexplained import BURSTS, SMALL, beside_response
 
 
 @pytest.mark.parametrize(
@@ -77,6 +77,13 @@ def test_a_cause_stands_in_for_a_kind_that_takes_much_beside_it(kind, taken, sha
 def test_an_actuator_whose_lag_changes_hides_that_of_the_body_it_moves(kind, share, cause, lags):
     left = Unexplained("delta", share, ("the other command",), kind=kind, puzzling=True)
     assert Remains((left,), ()).lags(cause) is lags
+
+
+@pytest.mark.parametrize(("channel", "lags"), [("delta", True), ("v", False)])
+def test_a_steering_whose_measurement_stands_still_hides_a_lag_of_the_body(channel, lags):
+    left = Unexplained(channel, 0.4, ("t",), kind=BURSTS)
+    assert Remains((left,), ()).lags("tyre_relaxation") is lags
+    assert not Remains((left,), ()).lags("understeer")
 
 
 @pytest.mark.parametrize(

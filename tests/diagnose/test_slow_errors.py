@@ -138,6 +138,13 @@ def test_an_event_is_told_and_a_sample_that_stands_out_is_not():
     assert run == "one" and start <= DT * (N // 2 + 5) + 0.5 and stop >= DT * (N // 2)
 
 
+def test_a_knock_is_shorter_than_what_lasts_and_no_outlier():
+    """It fills less than a fifth of the windows around it, as outliers may."""
+    (knock,) = burst(0.12, 1.0)
+    assert knock.test == "energy of short windows"
+    assert burst(2 * DT, 1.0) == []
+
+
 def test_events_in_coloured_noise_are_told_where_there_surely_are_some():
     noise = wind(0.05, 0.2)
     jumps = noise.copy()

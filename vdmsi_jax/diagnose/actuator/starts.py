@@ -7,7 +7,7 @@ import numpy as np
 
 from ...effects import AbstractEffect, Scales
 from .hypothesis import Hypothesis, Refit, without
-from .lanes import FEED, NUMERATOR, POLES
+from .lanes import FEED, LEADS, NUMERATOR, POLES
 from .stage import Stage
 
 _STATIC = ("saturation", "dead_zone", "gain_nonlinearity", "gain_asymmetry")
@@ -20,6 +20,7 @@ _DELAYS, _LONGEST, _NEARLY = 16, 0.1, 2.0  # how many are tried, up to which sha
 _DRAGGED, _DRAG = ((1, 0), (2, 0)), (0.35, 0.7)  # plants, and shares of their damping
 _STUCK_PACES, _STUCK_DAMPINGS, _STUCK = (1.0, 2.0, 4.0), (0.3, 1.0), (0.0, 0.01, 0.03, 0.1)
 _STICKS = 0.9  # of the error without friction, below which plants with it are begun from
+_HELD_PACES, _HELD_DAMPING = np.array([1.0, 2.0]), 0.5  # of a body that friction holds on a spring
 _BEYOND, _OUTLASTS = 5, 3.0  # places of a faster pole, up to the rate of the samples, where all
 # that are known take longer than a third of a run
 _SLOW = 2.5  # squared error over innovations, from which on a part of it is slow
@@ -267,6 +268,31 @@ def hilly(stage: Stage, h: Hypothesis) -> list[Hypothesis]:
     if number in h.active or number not in stage.allowed:
         return []
     return [added(stage, h, number, 1e-4)]
+
+
+def held(stage: Stage, h: Hypothesis, number: int) -> list[Hypothesis]:
+    """Friction in the place of a play: what it holds is a body on a spring behind the rest of the
+    plant, as a valve's stem behind its actuator, whose fastest poles a mode takes the place of."""
+    slot, bare = stage.slots[number], without(stage, h, number)
+    poles = np.roots(bare.den)
+    poles = poles[np.argsort(np.abs(poles))]
+    gain, fastest = bare.num[-1] / bare.den[-1], poles[-1]
+    behind = poles[: -2 if fastest.imag else -1]
+    if not behind.size or behind.size > POLES - 2 or behind[0].imag or gain == 0.0:
+        return []
+    made, level = [], abs(0.5 * h.theta[slot.index[0]] / gain)
+    for k in stage.allowed:
+        other = stage.slots[k]
+        if other.cause != "coulomb_friction" or getattr(other.effect, "against", "") != "rate":
+            continue
+        for pace in _HELD_PACES * abs(fastest):
+            mode = [1.0, 2.0 * _HELD_DAMPING * pace, pace**2]
+            den = np.polymul(np.poly(behind).real, mode)
+            start = plant(bare, stage, den, np.array([gain * den[-1]]))
+            own = added(stage, start, k, (level, 0.3 * level, 0.0))
+            own.theta[LEADS[0]] = 1.0 / abs(behind[0])
+            made.append(own)
+    return made
 
 
 def plant(h: Hypothesis, stage: Stage, den: np.ndarray, num: np.ndarray) -> Hypothesis:

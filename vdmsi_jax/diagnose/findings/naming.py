@@ -110,7 +110,7 @@ def of_stage(search: Search, units: tuple[str, str]) -> list[Named]:
     for finding in search.findings:
         slot = search.stage.slots[finding.number]
         parameters = estimates(slot, search.final, search, units)
-        alike = _same_force(slot.cause, parameters)
+        alike = _same_force(slot.cause, parameters, search.stage.scales.time_constant)
         rivals = []
         for k, lack in finding.others:
             other = search.stage.slots[k]
@@ -142,12 +142,16 @@ def rests(search: Search, slot: Slot) -> bool:
     return bool(abs(bias) > search.stage.scales.response)
 
 
-def _same_force(cause: str, parameters: Mapping[str, Estimate]) -> str | None:
-    """The cause that is the same force: drag without its quadratic part is dry friction."""
-    if cause != "drag":
-        return None
-    quadratic = parameters["quadratic"]
-    return "coulomb_friction" if abs(quadratic.value) < 3.0 * quadratic.std else None
+def _same_force(cause: str, parameters: Mapping[str, Estimate], slowest: float) -> str | None:
+    """The cause that is the same force: drag without its quadratic part is dry friction, and play
+    of what a load pulls back before the plant has moved (in its `slowest` time constant, s) a dead
+    zone."""
+    if cause == "drag":
+        quadratic = parameters["quadratic"]
+        return "coulomb_friction" if abs(quadratic.value) < 3.0 * quadratic.std else None
+    if "centring" in parameters:
+        return "dead_zone" if parameters["centring"].value * slowest > 1.0 else None
+    return None
 
 
 def of_body(search: BodySearch) -> list[Named]:

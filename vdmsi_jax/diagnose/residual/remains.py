@@ -121,10 +121,11 @@ class Remains:
         return False
 
     def lags(self, cause: str) -> bool:
-        """Whether an actuator lags by another time constant now and then, so that a lag of the body
-        that it moves may be a part of that."""
+        """Whether an actuator lags by another time constant now and then, or the measurement of the
+        steering stands still, so that a lag of the body that it moves may be a part of that."""
         slower = [u.fraction for u in self.found if u.kind in (PACE, PACE_BY_OTHER)]
-        return cause in _LAGS_OF_BODY and max(slower, default=0.0) > _LAGGING
+        now_and_then = max(slower, default=0.0) > _LAGGING or "delta" in self.dropping
+        return cause in _LAGS_OF_BODY and now_and_then
 
     def echoes(
         self, channel: str, share: float, statistic: float, hides_small: bool = False

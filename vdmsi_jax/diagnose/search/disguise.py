@@ -15,6 +15,7 @@ from ..actuator.starts import added, number_of, plant, shifted_by
 
 _BEHIND = ((2, 0), (2, 1), (3, 1), (3, 2))  # orders that may lie behind a delay
 _LINGERS = 2.5  # over the length of the runs, the fastest pole that may tell an offset by its start
+_NEVER = 2.0  # times the gain without a mode that lingers, beyond which its own is never reached
 _LEVEL = 0.05  # of the response, by which it is tried to be off
 
 
@@ -39,7 +40,8 @@ def levelled(stage: Stage, h: Hypothesis) -> list[Hypothesis]:
     if number in h.active or (bare := _fleeting(stage, h)) is None:
         return []
     as_slow = (h.num[-1] / h.den[-1]) / (bare.num[-1] / bare.den[-1])
-    bare = plant(bare, stage, bare.den, bare.num * as_slow)
+    if 1.0 / _NEVER < as_slow < _NEVER:
+        bare = plant(bare, stage, bare.den, bare.num * as_slow)
     size = _LEVEL * stage.scales.response
     return [added(stage, bare, number, bias) for bias in (-size, size)]
 

@@ -12,7 +12,7 @@ from .baseline import best_of_each, order_of
 from .disguise import backward
 from .price import score
 
-_LIGHT, _NAME = 0.15, 20.0  # damping of a mode, and what its name may cost
+_LIGHT, _NAME = 0.11, 20.0  # damping of a mode, and what its name may cost
 _LIGHTISH, _ABOUT = 0.3, 2.0  # damping of the poles that tell it, and how far they may lie off it
 _BESIDE = 0.1  # of what these are worth, that another cause may gain, or it comes first
 _LITTLE = 0.02  # of what the poles are worth that tell a mode, which its name may cost

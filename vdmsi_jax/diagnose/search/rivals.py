@@ -6,10 +6,10 @@ from dataclasses import replace
 from ..actuator import swing
 from ..actuator.hypothesis import Hypothesis, Refit, without
 from ..actuator.outcome import steadiness
-from ..actuator.refit import refit
+from ..actuator.refit import PATIENT, refit
 from ..actuator.screen import RAGGED, leading, screen
 from ..actuator.stage import Slot, Stage
-from ..actuator.starts import reduced
+from ..actuator.starts import held, reduced
 from .baseline import order_of
 from .disguise import all_pole, backward, stilled
 from .found import PlantFinding
@@ -99,6 +99,8 @@ def findings_of(
         large = _by_cause(stage, large, kept)
         again = refit(stage, [reduced(stage, f.hypothesis, order) for f in large.values()])
         fits += [f for f in again if 2.0 * (f.loglik - less.loglik) > _ABLE * gain]
+        if own.cause == "backlash":
+            fits += refit(stage, held(stage, final.hypothesis, number), rounds=PATIENT)
         fits = [f for f in fits if own.cause == swing.CAUSE or not _drifts(stage, f, kept)]
         best = _by_cause(stage, fits, kept)
         tried += best.values()

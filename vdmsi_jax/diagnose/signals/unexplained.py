@@ -51,7 +51,8 @@ _BEGINS, _BEGUN, _BEGINNING = 2.0, 5.0, 0.25  # s, time constants, and at most s
 # which an error may be what a plant was doing before
 _WINDOW = 0.5  # s
 _OUTLIERS = 0.2  # of the samples, that may stand out in a window and the two beside it
-_LASTS = 2.5  # times the usual error without these, which an event has
+_LASTS = 2.5  # times the usual error without these, which an event has; or, where it is shorter,
+_KNOCKS = 10.0  # times what the medians of five samples usually are
 
 
 def events(
@@ -212,13 +213,14 @@ def _bursts(e, residual, known, runs, dt, spreads: float, least: float):
     """Windows whose energy is beyond the spread of the others, and the error with it: a sample or
     two that stand alone are outliers of a sensor."""
     length = max(4, round(_WINDOW / dt))
-    energies, around, places = [], [], []
+    energies, around, medians, places = [], [], [], []
     for r, (row, use) in enumerate(zip(e, known, strict=True)):
         for start in range(0, len(row) - length + 1, length):
             if use[start : start + length].all():
                 energies.append(float(np.mean(row[start : start + length] ** 2)))
                 near = residual[r, max(0, start - length) : start + 2 * length]
                 around.append(_usual(near))
+                medians.append(_of_medians(near))
                 places.append((r, start))
     if len(energies) < 20:
         return None
@@ -227,7 +229,9 @@ def _bursts(e, residual, known, runs, dt, spreads: float, least: float):
     middle = np.median(logs)
     spread = max(1.4826 * float(np.median(np.abs(logs - middle))), np.sqrt(2.0 / length))
     wild = logs > middle + max(spreads * spread, least)
-    wild = np.flatnonzero(wild & (np.array(around) > _LASTS * np.median(around)))
+    lasts = np.array(around) > _LASTS * np.median(around)
+    knocks = np.array(medians) > _KNOCKS * np.median(medians)
+    wild = np.flatnonzero(wild & (lasts | knocks))
     if wild.size == 0:
         return None
     excess = float(np.sum(values[wild] - np.median(values)) / np.sum(values))
@@ -243,6 +247,12 @@ def _usual(e: np.ndarray) -> float:
     """Mean square without the largest."""
     squares = np.sort(e**2)
     return float(np.mean(squares[: len(squares) - round(_OUTLIERS * len(squares))]))
+
+
+def _of_medians(e: np.ndarray) -> float:
+    """Mean square of the medians of five samples, which one or two do not move."""
+    running = np.lib.stride_tricks.sliding_window_view(e, min(5, len(e)))
+    return float(np.mean(np.median(running, axis=-1) ** 2))
 
 
 def _worse(e, residual, mask, held_out, dt):
