@@ -6,7 +6,8 @@ import pytest
 import vdmsi_jax as vj
 from vdmsi_jax.diagnose.actuator.hypothesis import Hypothesis
 from vdmsi_jax.diagnose.actuator.stage import Stage
-from vdmsi_jax.diagnose.actuator.starts import held, number_of, plant
+from vdmsi_jax.diagnose.actuator.starts import number_of, plant
+from vdmsi_jax.diagnose.actuator.sticking import held
 from vdmsi_jax.diagnose.prepare import stage_of
 from vdmsi_jax.diagnose.search.disguise import levelled
 from vdmsi_jax.diagnose.signals.runs import lay_out

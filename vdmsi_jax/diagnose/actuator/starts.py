@@ -1,13 +1,13 @@
 """Where refits start: plants with more poles or fewer, and causes that no small step leads to."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ...effects import AbstractEffect, Scales
 from .hypothesis import Hypothesis, Refit, without
-from .lanes import FEED, LEADS, NUMERATOR, POLES
+from .lanes import FEED, NUMERATOR, POLES
 from .stage import Stage
 
 _STATIC = ("saturation", "dead_zone", "gain_nonlinearity", "gain_asymmetry")
@@ -17,10 +17,6 @@ _SMALLEST, _WIDEST = 0.02, 0.25  # steps that are tried, of the command's range
 _PACES = (1.0, 2.0, 5.0)  # of a plant beside a delay, which had told it by a slower pole
 _DELAYS, _LONGEST, _NEARLY = 16, 0.1, 2.0  # how many are tried, up to which share of the longest
 # run, and how much more than the least error others may leave
-_DRAGGED, _DRAG = ((1, 0), (2, 0)), (0.35, 0.7)  # plants, and shares of their damping
-_STUCK_PACES, _STUCK_DAMPINGS, _STUCK = (1.0, 2.0, 4.0), (0.3, 1.0), (0.0, 0.01, 0.03, 0.1)
-_STICKS = 0.9  # of the error without friction, below which plants with it are begun from
-_HELD_PACES, _HELD_DAMPING = np.array([1.0, 2.0]), 0.5  # of a body that friction holds on a spring
 _BEYOND, _OUTLASTS = 5, 3.0  # places of a faster pole, up to the rate of the samples, where all
 # that are known take longer than a third of a run
 _SLOW = 2.5  # squared error over innovations, from which on a part of it is slow
@@ -33,7 +29,7 @@ def first_order(stage: Stage) -> list[Hypothesis]:
     ladder = np.geomspace(2.0 * stage.dt, 0.5 * duration, 16)
     thetas = np.repeat(stage.off[None], len(ladder), axis=0)
     thetas[:, 0] = thetas[:, POLES] = 1.0 / (ladder * stage.pace)
-    errors, scaled = _scaled(stage, thetas)
+    errors, scaled = with_gains(stage, thetas)
     return [Hypothesis(1, 0, (), scaled[k]) for k in np.argsort(errors)[:2]]
 
 
@@ -129,7 +125,7 @@ def delayed(stage: Stage, first: Refit) -> list[Hypothesis]:
     paces = np.repeat(_PACES, _DELAYS) * abs(first.hypothesis.theta[0])
     thetas[:, 0] = thetas[:, POLES] = paces
     thetas[:, stage.slots[number].index[0]] = np.tile(delays, len(_PACES))
-    errors, scaled = _scaled(stage, thetas)
+    errors, scaled = with_gains(stage, thetas)
     best = errors.reshape(len(_PACES), _DELAYS).argmin(axis=1) + _DELAYS * np.arange(len(_PACES))
     near = [k for k in best if errors[k] < _NEARLY * errors.min()]
     return [Hypothesis(1, 0, (number,), scaled[k]) for k in near]
@@ -177,71 +173,10 @@ def bent(stage: Stage, first: Refit) -> list[Hypothesis]:
                 thetas.append(theta)
                 numbers.append(number)
     best: dict[int, tuple[float, np.ndarray]] = {}
-    for number, error, theta in zip(numbers, *_scaled(stage, np.stack(thetas)), strict=True):
+    for number, error, theta in zip(numbers, *with_gains(stage, np.stack(thetas)), strict=True):
         if error < best.get(number, (np.inf,))[0]:
             best[number] = (error, theta)
     return [Hypothesis(1, 0, (number,), theta) for number, (_, theta) in best.items()]
-
-
-def dragged(stage: Stage, grid: Mapping[tuple[int, int], Refit]) -> list[Hypothesis]:
-    """Plants of which a part of the damping is drag: what is left brakes less, and at the usual
-    speed both together as much as the plant that a linear fit took them for, whose pole is far from
-    either where drag is strong."""
-    numbers = [k for k in stage.allowed if stage.slots[k].cause == "drag"]
-    usual = float(np.mean(np.abs(stage.y[stage.mask])))
-    made = []
-    for number in numbers if usual > 0.0 else []:
-        for order in _DRAGGED:
-            h = grid[order].hypothesis
-            pull, damping = h.den[-1], h.den[-2]
-            for share in _DRAG:
-                theta = h.theta.copy()
-                theta[h.poles - 1] = (1.0 - share) * pull
-                theta[NUMERATOR] *= 1.0 - 0.5 * share
-                spent = 0.5 * share * pull / max(abs(damping), 1e-9) * stage.pace / usual
-                theta[stage.slots[number].index[0]] = spent
-                made.append(replace(h, active=(number,), theta=theta))
-    return made
-
-
-def stuck(stage: Stage) -> list[Hypothesis]:
-    """Plants of two poles that friction holds, the gain by least squares, where they explain the
-    response itself better than the same without: a linear fit takes the lag of what sticks for
-    poles and zeros, from which no refit finds back."""
-    made = []
-    for number in stage.allowed:
-        slot = stage.slots[number]
-        if slot.cause != "coulomb_friction" or getattr(slot.effect, "against", "") != "rate":
-            continue
-        levels = np.array(_STUCK) * stage.scales.command
-        ladder = [(w, zeta) for w in _STUCK_PACES for zeta in _STUCK_DAMPINGS]
-        thetas = np.repeat(stage.off[None], len(levels) * len(ladder), axis=0)
-        paces, dampings = np.tile(np.array(ladder).T, len(levels))
-        thetas[:, 0], thetas[:, 1] = 2.0 * dampings * paces, paces**2
-        thetas[:, POLES + 1] = paces**2
-        thetas[:, slot.index[0]] = np.repeat(levels, len(ladder))
-        errors, scaled = _scaled(stage, thetas)
-        free = errors[: len(ladder)].min()
-        best = np.argsort(errors)[:2]
-        made += [Hypothesis(2, 0, (number,), scaled[k]) for k in best if errors[k] < _STICKS * free]
-    return made
-
-
-def pulled_back(stage: Stage, now: Refit) -> list[Hypothesis]:
-    """What pulls back a response that friction holds, bent: beside sticking and slipping a small
-    step tells little of it, and the screen nothing."""
-    h, made = now.hypothesis, []
-    active = [stage.slots[number] for number in h.active]
-    if not any(slot.rough for slot in active):
-        return []
-    for number in stage.allowed:
-        slot = stage.slots[number]
-        if getattr(slot.effect, "by", None) != "stiffness":
-            continue
-        if any(own.cause == slot.cause for own in active):
-            continue
-        made += [added(stage, h, number, p) for p in slot.effect.probes(stage.scales)]
-    return made
 
 
 def refined(stage: Stage, now: Refit) -> list[Hypothesis]:
@@ -268,31 +203,6 @@ def hilly(stage: Stage, h: Hypothesis) -> list[Hypothesis]:
     if number in h.active or number not in stage.allowed:
         return []
     return [added(stage, h, number, 1e-4)]
-
-
-def held(stage: Stage, h: Hypothesis, number: int) -> list[Hypothesis]:
-    """Friction in the place of a play: what it holds is a body on a spring behind the rest of the
-    plant, as a valve's stem behind its actuator, whose fastest poles a mode takes the place of."""
-    slot, bare = stage.slots[number], without(stage, h, number)
-    poles = np.roots(bare.den)
-    poles = poles[np.argsort(np.abs(poles))]
-    gain, fastest = bare.num[-1] / bare.den[-1], poles[-1]
-    behind = poles[: -2 if fastest.imag else -1]
-    if not behind.size or behind.size > POLES - 2 or behind[0].imag or gain == 0.0:
-        return []
-    made, level = [], abs(0.5 * h.theta[slot.index[0]] / gain)
-    for k in stage.allowed:
-        other = stage.slots[k]
-        if other.cause != "coulomb_friction" or getattr(other.effect, "against", "") != "rate":
-            continue
-        for pace in _HELD_PACES * abs(fastest):
-            mode = [1.0, 2.0 * _HELD_DAMPING * pace, pace**2]
-            den = np.polymul(np.poly(behind).real, mode)
-            start = plant(bare, stage, den, np.array([gain * den[-1]]))
-            own = added(stage, start, k, (level, 0.3 * level, 0.0))
-            own.theta[LEADS[0]] = 1.0 / abs(behind[0])
-            made.append(own)
-    return made
 
 
 def plant(h: Hypothesis, stage: Stage, den: np.ndarray, num: np.ndarray) -> Hypothesis:
@@ -334,7 +244,7 @@ def scanned(stage: Stage, at: Refit) -> list[Hypothesis]:
         if slot.cause == "quantization" and nearest:
             thetas = np.repeat(h.theta[None], len(sizes := _steps(stage.scales)), axis=0)
             thetas[:, slot.index[0]] = sizes
-            errors, scaled = _scaled(stage, thetas)
+            errors, scaled = with_gains(stage, thetas)
             made += [
                 Hypothesis(h.poles, h.zeros, (number,), scaled[k]) for k in np.argsort(errors)[:2]
             ]
@@ -377,7 +287,7 @@ def _steps(scales: Scales) -> np.ndarray:
     return np.array(sizes)
 
 
-def _scaled(stage: Stage, thetas: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def with_gains(stage: Stage, thetas: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Squared errors of plants whose gain, and a level, are by least squares, infinite where they
     blow up; and the plants with that gain."""
     forced, free = _forced(stage, thetas)

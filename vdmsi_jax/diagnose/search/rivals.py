@@ -9,7 +9,8 @@ from ..actuator.outcome import steadiness
 from ..actuator.refit import PATIENT, refit
 from ..actuator.screen import RAGGED, leading, screen
 from ..actuator.stage import Slot, Stage
-from ..actuator.starts import held, reduced
+from ..actuator.starts import reduced
+from ..actuator.sticking import held
 from .baseline import order_of
 from .disguise import all_pole, backward, stilled
 from .found import PlantFinding

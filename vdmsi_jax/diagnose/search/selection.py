@@ -12,18 +12,16 @@ from ..actuator.stage import Stage
 from ..actuator.starts import (
     bent,
     delayed,
-    dragged,
     errs_slowly,
     hilly,
     late,
     mirrored,
     nested,
-    pulled_back,
     refined,
     ringing,
     scanned,
-    stuck,
 )
+from ..actuator.sticking import dragged, pulled_back, stuck
 from .baseline import best_of_each, closest, grown, order_of
 from .disguise import backward, levelled, shifted, waiting
 from .elimination import is_late, rings
