@@ -7,12 +7,12 @@ import pytest
 
 from vdmsi_jax.diagnose.actuator.hypothesis import Hypothesis, Refit
 from vdmsi_jax.diagnose.answer.result import Estimate, Rival
+from vdmsi_jax.diagnose.findings.body_naming import as_offset, or_bank
+from vdmsi_jax.diagnose.findings.merging import merged
 from vdmsi_jax.diagnose.findings.naming import (
     Named,
     _friction,
     _same_force,
-    as_offset,
-    merged,
     with_form,
 )
 
@@ -132,3 +132,10 @@ def test_causes_that_are_the_same_force(cause, parameters, alike):
     """Uncertain by 0.01; the slowest time constant is 0.2 s."""
     told = {name: Estimate(value, 0.01, "1") for name, value in parameters.items()}
     assert _same_force(cause, told, 0.2) == alike
+
+
+@pytest.mark.parametrize(("bias", "leans"), [(0.005, True), (-0.005, True), (0.02, False)])
+def test_a_small_offset_of_the_wheels_may_be_a_road_that_leans(bias, leans):
+    """Where no pose tells whether the vehicle slips down it; no road leans by a tenth."""
+    wheels = named("offset", "vehicle", bias=(bias, 0.0001))
+    assert [r.cause for r in or_bank(wheels).rivals] == ["bank"] * leans

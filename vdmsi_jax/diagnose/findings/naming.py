@@ -6,26 +6,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...effects.yaw_offset import YawOffset
 from ...models.observer_form import made_up_for
 from ..actuator import swing
 from ..actuator.hypothesis import Hypothesis, Refit
 from ..actuator.lanes import LEADS
 from ..actuator.stage import Slot
 from ..answer.result import RESTS, Estimate, Rival
-from ..body.body import ASKEW, CAUSES, INDEX, Body, BodyCause
-from ..body.fit import BodyFit
-from ..body.search import BodyFinding, BodySearch
-from ..search.found import MARGIN, PlantFinding, Search
+from ..body.search import BodyFinding
+from ..search.found import PlantFinding, Search
 from ..signals.colour import whiten
 
-_CLEAR = 2.0  # standard errors from which a drift is told as bent, and a change as slowing
+CLEAR = 2.0  # standard errors from which a drift is told as bent, and a change as slowing
 _FORM = 0.015
 """Of a size, the standard deviation that is not noise: what the form of a cause in a machine and in
 the library differ by. Measured: of 235 sizes that the hunt hid, in forms of its own, intervals of
 noise alone held 90.6 %, with this 94.9 %; of 167 that others hid, 82 % and 92 %."""
 _POINTS = ("frequency", "time", "phase", "step")  # of a line, a jump or a grid: no form moves them
-_HALF = 0.5  # of a value, by which two that are one may differ, however uncertain they are
 
 _FORMS = {
     ("at", "command"): "of the command",
@@ -125,7 +121,7 @@ def of_stage(search: Search, units: tuple[str, str]) -> list[Named]:
                 parameters,
                 finding.gain,
                 len(slot.index),
-                _one_each(rivals),
+                one_each(rivals),
                 search,
                 finding,
             )  # fmt: skip
@@ -154,72 +150,7 @@ def _same_force(cause: str, parameters: Mapping[str, Estimate], slowest: float) 
     return None
 
 
-def of_body(search: BodySearch) -> list[Named]:
-    """The causes of the body, the road and the sensors. What fails on data held out is no rival."""
-    found = []
-    failed = {f.finding.number for f in search.failed}
-    for finding in search.findings:
-        cause = CAUSES[finding.number]
-        index = INDEX[finding.number]
-        std = _stds(search.final)
-        parameters = {
-            name: Estimate(float(search.final.theta[i]), std.get(i, math.nan), unit)
-            for name, i, unit in zip(cause.names, index, cause.units, strict=True)
-        }
-        rivals = [
-            Rival(CAUSES[k].cause, CAUSES[k].where, lack, lack < MARGIN, CAUSES[k].channel)
-            for k, lack in finding.others
-            if k not in failed and CAUSES[k].told != cause.told
-        ]
-        named = Named(
-            *cause.told,
-            _told_otherwise(cause, parameters, search.body),
-            parameters,
-            finding.gain,
-            len(index),
-            _one_each(rivals),
-            body=finding,
-        )  # fmt: skip
-        found.append(as_offset(named))
-    return found
-
-
-def as_offset(cause: Named) -> Named:
-    """A bank that only turns the wheels, as an offset of the wheels does, is told as that one: its
-    slope is not told from nothing."""
-    if cause.cause != "bank":
-        return cause
-    offset = next((r for r in cause.rivals if r.cause == "offset" and r.indistinguishable), None)
-    if cause.body is not None and not dict(cause.body.others).get(ASKEW, MARGIN) < MARGIN:
-        offset = None  # or one of the yaw rate
-    slope, pull = cause.parameters["slope"], cause.parameters["pull"]
-    if offset is None or abs(slope.value) > _CLEAR * slope.std:
-        return cause
-    rivals = (Rival("bank", cause.where, 0.0, True), *(r for r in cause.rivals if r is not offset))
-    return replace(cause, cause="offset", parameters={"bias": pull}, rivals=rivals)
-
-
-def _told_otherwise(cause: BodyCause, parameters: Mapping[str, Estimate], body: Body) -> str:
-    """Which form a cause of the body has, and how else it is measured: understeer by the lateral
-    acceleration, since `L / R (1 + K v^2) = L / R + K L a` (Gillespie, Fundamentals of Vehicle
-    Dynamics, 1992)."""
-    if isinstance(cause.effect, YawOffset):
-        return "of the yaw rate"
-    if cause.cause != "understeer":
-        return ""
-    per_acceleration = parameters["gradient"].value * float(body.bicycle.wheelbase)
-    return f"of {per_acceleration:.2g} rad per m/s^2"
-
-
-def _stds(fit: BodyFit) -> dict[int, float]:
-    return {
-        i: float(np.sqrt(max(fit.covariance[k, k], 0.0)))
-        for k, i in enumerate(fit.free)
-        if k < len(fit.covariance)
-    }
-
-
-def _one_each(rivals: Sequence[Rival]) -> tuple[Rival, ...]:
+def one_each(rivals: Sequence[Rival]) -> tuple[Rival, ...]:
     """The best form of each rival."""
     best: dict[tuple[str, str, str | None], Rival] = {}
     for rival in sorted(rivals, key=lambda r: r.deficit):
@@ -265,8 +196,8 @@ def _friction(told: Mapping[str, Estimate], fit: Refit, both: Sequence[int]) -> 
     level, more = told["level"], told["breakaway"]
     std = _push(fit.hypothesis) * math.sqrt(max(float(fit.covariance[np.ix_(both, both)].sum()), 0))
     static = Estimate(level.value + more.value, std, level.unit)
-    above = more.value > _CLEAR * more.std
-    alone = level.value < _CLEAR * level.std and static.value > _CLEAR * static.std
+    above = more.value > CLEAR * more.std
+    alone = level.value < CLEAR * level.std and static.value > CLEAR * static.std
     return {"level": level, "static": static} if above or alone else {"level": level}
 
 
@@ -326,10 +257,10 @@ def _renamed(cause: str, told: dict[str, Estimate]) -> dict[str, Estimate]:
         return {"frequency": told["frequency"], "damping": told["damping"], "weight": told["share"]}
     if cause == "gain_drift":
         bend = told["bend"]
-        return told if abs(bend.value) > _CLEAR * bend.std else {"rate": told["rate"]}
+        return told if abs(bend.value) > CLEAR * bend.std else {"rate": told["rate"]}
     if cause == "regime_change":
         slowing = told["slowing"]
-        sure = abs(slowing.value) > _CLEAR * slowing.std
+        sure = abs(slowing.value) > CLEAR * slowing.std
         return told if sure else {name: told[name] for name in ("time", "gain")}
     return told
 
@@ -340,80 +271,6 @@ def with_form(told: Mapping[str, Estimate]) -> dict[str, Estimate]:
         name: e if name in _POINTS else replace(e, std=math.hypot(e.std, _FORM * e.value))
         for name, e in told.items()
     }
-
-
-def merged(causes: list[Named]) -> list[Named]:
-    """Causes of actuators and of the body, with those that are one sensor's told as such: a delay
-    or an offset of an actuator that the body takes back is its sensor's, and so is what cannot be
-    told from it."""
-    kept = list(causes)
-    for channel, plant in (("delta", "steering"), ("v", "powertrain")):
-        for word, actuator in (("sensor_delay", "transport_delay"), ("sensor_bias", "offset")):
-            seen, own = _of_sensor(kept, word, channel), _first(kept, actuator, plant)
-            if seen is None:
-                continue
-            if own is None and seen.where == "sensor":
-                weaker = [c for c in kept if c.where == plant and c.statistic < seen.statistic]
-                like = [c for c in weaker if _may_be(c, actuator)]
-                rivals = (Rival(c.cause, plant, seen.statistic, False) for c in like)
-                joint = replace(seen, rivals=(*seen.rivals, *rivals))
-                kept = [joint if c is seen else c for c in kept if c not in like]
-            elif own is not None and _same_size(own, seen):
-                joint = replace(
-                    own, cause=word, where="sensor", channel=channel, body=seen.body,
-                    statistic=own.statistic + seen.statistic,
-                    rivals=(Rival(actuator, plant, seen.statistic, False),
-                            *(r for r in own.rivals if r.cause != word)),
-                )  # fmt: skip
-                kept = [joint if c is own else c for c in kept if c is not seen]
-    return kept
-
-
-def _of_sensor(causes: Sequence[Named], word: str, channel: str) -> Named | None:
-    """The fault of a sensor that the body tells: by its name, by that of a lag which may be the
-    delay, or, of an angle, as wheels that stand otherwise."""
-    own = [c for c in causes if c.channel == channel and c.where == "sensor"]
-    told = next((c for c in own if c.cause == word or _may_be(c, word)), None)
-    if told is not None or (word, channel) != ("sensor_bias", "delta"):
-        return told
-    askew = _first(causes, "offset", "vehicle")
-    turns_wheels = askew is not None and askew.parameters["bias"].unit == "rad"
-    return askew if turns_wheels else None
-
-
-def _may_be(cause: Named, other: str) -> bool:
-    """Whether the logs do not tell a cause from another of the same part."""
-    return any(
-        (r.cause, r.where) == (other, cause.where) and r.indistinguishable for r in cause.rivals
-    )
-
-
-def _same_size(own: Named, seen: Named) -> bool:
-    """Whether what an actuator has and what the body takes back may be one size."""
-    a, b = (next(iter(c.parameters.values())) for c in (own, seen))
-    sign = -1.0 if seen.where == "vehicle" else 1.0
-    sure = min(4.0 * (a.std + b.std), _HALF * abs(a.value))
-    return abs(a.value - sign * b.value) < max(0.35 * abs(a.value), sure)
-
-
-def of_yaw_rate(cause: Named, per_angle: float) -> Named:
-    """A fault of the angle's sensor as one of the yaw rate's, which the angle was made of.
-
-    Args:
-        cause: any.
-        per_angle: yaw rate per angle at the usual speed, 1/s.
-    """
-    if (cause.where, cause.channel) != ("sensor", "delta"):
-        return cause
-    told = dict(cause.parameters)
-    if cause.cause == "sensor_bias":
-        value, std = (per_angle * x for x in (told["bias"].value, told["bias"].std))
-        told["bias"] = Estimate(value, std, "rad/s")
-    return replace(cause, channel="r", parameters=told)
-
-
-def _first(causes: Sequence[Named], cause: str, where: str) -> Named | None:
-    return next((c for c in causes if (c.cause, c.where) == (cause, where)), None)
 
 
 def told_unit(slot: Slot, j: int, units: tuple[str, str]) -> str:

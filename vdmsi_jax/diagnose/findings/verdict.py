@@ -23,12 +23,14 @@ from ..search.judge import Scored, Trial, confirmed, gain_of
 from ..signals.angle import steering_angle
 from ..signals.runs import Runs
 from .body_detectability import detectable_in_body
+from .body_naming import of_body
 from .budget import of_channel, of_path, of_turning
 from .channels import channel_scores, responses, units_of
 from .detectability import detectable
 from .extension import extended_model, plain_model
+from .merging import merged, of_yaw_rate
 from .minor import LITTLE, Weighed, changes_somehow, crowd, overshadowed
-from .naming import Named, merged, of_body, of_stage, of_yaw_rate, with_form
+from .naming import Named, of_stage, with_form
 from .road import Road
 from .rounding import COARSE, quantised, tells_rounding
 from .weighing import Weighing, of_innovations
