@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from vdmsi_jax.diagnose.signals.colour import autoregression, least_squares, settled
+from vdmsi_jax.diagnose.signals.colour import (
+    autoregression,
+    least_squares,
+    settled,
+    unsteadiness,
+    whiten,
+)
 
 
 def wandering(seed: int, rows: int) -> np.ndarray:
@@ -48,3 +54,22 @@ def test_the_ends_of_stretches_do_not_mislead_it():
     assert least_squares(seen, counted, 2) == pytest.approx(truth, abs=0.02)
     jumps = autoregression(seen[None], mask, 2)[0]
     assert np.abs(jumps - truth).max() > 0.1  # as Yule-Walker's are
+
+
+def whitened(e: np.ndarray) -> np.ndarray:
+    return whiten(e[None], autoregression(e[None], np.ones(e.shape, bool), 30))[0]
+
+
+def test_a_frequency_that_changes_is_a_colour_that_does():
+    """A sine of 0.5 to 7 Hz in white noise, at 50 Hz; and sines that stay, and one event."""
+    rng, t = np.random.default_rng(4), 0.02 * np.arange(3000)
+    noise = rng.standard_normal((3, 3000))
+    known = np.ones(noise.shape, bool)
+    runs_up = noise + 7.0 * np.sin(2.0 * np.pi * (0.5 * t + 0.054 * t**2))
+    stays = noise + 3.0 * np.sin(2.0 * np.pi * 3.0 * t)
+    once = noise + 8.0 * np.exp(-(((t - 31.0) / 0.1) ** 2))
+    assert unsteadiness(whitened(runs_up), known) > 5.0
+    for steady in (noise, stays, once, np.stack([wandering(k, 3000) for k in range(3)])):
+        assert unsteadiness(whitened(steady), known) < 3.0
+    assert unsteadiness(np.zeros((3, 3000)), known) < 3.0
+    assert unsteadiness(whitened(runs_up)[:, :400], known[:, :400] & (t[:400] < 1.0)) == 0.0
