@@ -53,8 +53,8 @@ _PEAKED = (
 _OF_A_KIND = 0.5  # of a slow error of the yaw rate, that a kind explains which is no wind then
 _MOST = 0.5  # of the response's spread, an error from which on a model says little of it: of seven
 # exams no clean log, and none of a cause that the library has, was left with more than 0.4
-_COLOURFUL, _COMES_AND_GOES = 0.1, 5.0  # size of an error, and `unsteadiness`, from which on it is
-# no noise: of 60 channels of clean logs that had up to 2.3, a machine that runs up 8.9
+_COLOURFUL, _COMES_AND_GOES = 0.1, 10.0  # size of an error, and `unsteadiness`, from which on it is
+# no noise: of 90 channels of clean logs that had up to 2.6, a machine that runs up 50
 _OF_ITSELF = {HYSTERESIS: PUZZLING, PACE: 0.1}  # share of what is left, from which on these are no
 # form of a play, friction or limit of a rate: of 2800 hunted drives no such name was right
 _NEXT_TO = 0.02  # of the time, that a change may lie before or behind a part

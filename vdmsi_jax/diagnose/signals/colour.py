@@ -7,8 +7,8 @@ LENGTH = 0.6
 """How much of the past a whitening filter sees, s."""
 
 _MOST, _LEAST = 30, 6
-_STRETCH, _FEWEST = 100, 5  # samples by which a colour is compared, and how many stretches say so
-_CAPPED = 10.0  # of a stretch's evidence: an event in one is no colour
+_STRETCH, _FEWEST = 100, 8  # samples by which a colour is compared, and how many stretches say so
+_CAPPED = 4.0  # mean square of a stretch's spectrum: an event in one is no colour
 
 
 def filter_length(dt: float, samples: int) -> int:
@@ -118,10 +118,14 @@ def whiten(
 
 
 def unsteadiness(innovations: Float[np.ndarray, "R N"], known: Bool[np.ndarray, "R N"]) -> float:
-    """By how many standard errors the colour of stretches of noise is another than that of all of
-    it: twice the log-likelihood that an autoregression of two of each gains over one of all of
-    them, of innovations, is chi-squared with two degrees of freedom where it is not. What swings
-    at a frequency that changes, as a machine that runs up, has a colour in each stretch."""
+    """By how many standard errors the colours of short stretches of noise differ from that of all
+    of it. Each stretch's periodogram over the mean of all is exponential where the noise is
+    stationary, whatever its colour, so that its mean square is twice the square of its mean; what
+    swings at a frequency that changes, as a machine that runs up, has all its power in few of them.
+
+    Source: Brockwell and Davis, Time Series: Theory and Methods (1991), section 10.3, for the
+    distribution; after Priestley and Subba Rao, A test for non-stationarity of time-series (1969).
+    """
     rows = [
         row[at : at + _STRETCH]
         for row, use in zip(innovations, known, strict=True)
@@ -130,19 +134,10 @@ def unsteadiness(innovations: Float[np.ndarray, "R N"], known: Bool[np.ndarray, 
     ]
     if len(rows) < _FEWEST:
         return 0.0
-    x = np.stack(rows)
-    past, now = np.stack([x[:, 1:-1], x[:, :-2]], axis=-1), x[:, 2:]
-    total = np.sum(now**2, axis=1)
-    gram = np.einsum("wti,wtj->wij", past, past)
-    along = np.einsum("wti,wt->wi", past, now)
-    gram += 1e-12 * (total + 1e-300)[:, None, None] * np.eye(2)
-    own = total - np.sum(along * np.linalg.solve(gram, along[..., None])[..., 0], axis=1)
-    of_all = np.linalg.solve(gram.sum(axis=0), along.sum(axis=0))
-    common = total - 2.0 * along @ of_all + np.einsum("i,wij,j->w", of_all, gram, of_all)
-    ratio = np.maximum(common, 1e-300) / np.maximum(own, 1e-12 * total + 1e-300)
-    gains = np.clip(now.shape[1] * np.log(ratio), 0.0, _CAPPED)
-    # of a chi-squared variable of two degrees of freedom that is capped
-    rest = np.exp(-0.5 * _CAPPED)
-    mean = 2.0 * (1.0 - rest)
-    variance = 8.0 - (8.0 + 4.0 * _CAPPED) * rest - mean**2
-    return float((np.mean(gains) - mean) * np.sqrt(len(gains) / variance))
+    power = np.abs(np.fft.rfft(np.stack(rows), axis=1)[:, 1 : _STRETCH // 2]) ** 2
+    power /= np.maximum(power.mean(axis=1, keepdims=True), 1e-300)  # a louder stretch is no colour
+    ratio = power / np.maximum(power.mean(axis=0), 1e-300)
+    peaked = np.mean(ratio**2, axis=1) / np.maximum(np.mean(ratio, axis=1) ** 2, 1e-300)
+    n = ratio.shape[1]
+    usual = 2.0 * n / (n + 1.0)
+    return float((np.minimum(peaked, _CAPPED).mean() - usual) * np.sqrt(len(rows) * n / 4.0))

@@ -52,7 +52,7 @@ _BEGINS, _BEGUN, _BEGINNING = 2.0, 5.0, 0.25  # s, time constants, and at most s
 _WINDOW = 0.5  # s
 _OUTLIERS = 0.2  # of the samples, that may stand out in a window and the two beside it
 _LASTS = 2.5  # times the usual error without these, which an event has; or, where it is shorter,
-_KNOCKS = 10.0  # times what the medians of five samples usually are
+_KNOCKS, _OF_KNOCKS = 10.0, 0.1  # times what the medians of five samples usually are, and share
 
 
 def events(
@@ -235,6 +235,8 @@ def _bursts(e, residual, known, runs, dt, spreads: float, least: float):
     if wild.size == 0:
         return None
     excess = float(np.sum(values[wild] - np.median(values)) / np.sum(values))
+    if excess < _OF_KNOCKS and not lasts[wild].any():
+        return None
     order = wild[np.argsort(-values[wild])][:5]
     when = []
     for row, start in (places[k] for k in order):
