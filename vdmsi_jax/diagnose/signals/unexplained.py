@@ -213,14 +213,12 @@ def _bursts(e, residual, known, runs, dt, spreads: float, least: float):
     """Windows whose energy is beyond the spread of the others, and the error with it: a sample or
     two that stand alone are outliers of a sensor."""
     length = max(4, round(_WINDOW / dt))
-    energies, around, medians, places = [], [], [], []
+    energies, nearby, places = [], [], []
     for r, (row, use) in enumerate(zip(e, known, strict=True)):
         for start in range(0, len(row) - length + 1, length):
             if use[start : start + length].all():
                 energies.append(float(np.mean(row[start : start + length] ** 2)))
-                near = residual[r, max(0, start - length) : start + 2 * length]
-                around.append(_usual(near))
-                medians.append(_of_medians(near))
+                nearby.append(residual[r, max(0, start - length) : start + 2 * length])
                 places.append((r, start))
     if len(energies) < 20:
         return None
@@ -229,9 +227,11 @@ def _bursts(e, residual, known, runs, dt, spreads: float, least: float):
     middle = np.median(logs)
     spread = max(1.4826 * float(np.median(np.abs(logs - middle))), np.sqrt(2.0 / length))
     wild = logs > middle + max(spreads * spread, least)
-    lasts = np.array(around) > _LASTS * np.median(around)
-    knocks = np.array(medians) > _KNOCKS * np.median(medians)
-    wild = np.flatnonzero(wild & (lasts | knocks))
+    if not wild.any():
+        return None
+    around, medians = (np.array([of(e) for e in nearby]) for of in (_usual, _of_medians))
+    lasts = around > _LASTS * np.median(around)
+    wild = np.flatnonzero(wild & (lasts | (medians > _KNOCKS * np.median(medians))))
     if wild.size == 0:
         return None
     excess = float(np.sum(values[wild] - np.median(values)) / np.sum(values))
