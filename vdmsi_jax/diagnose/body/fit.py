@@ -116,6 +116,8 @@ def theta_of(fit: BodyFit, kept: Collection[int]) -> Float[np.ndarray, " P"]:
 
 def with_only(body: Body, fit: BodyFit, kept: Collection[int]) -> BodyFit:
     """A fit with only some of its causes on, and nothing refitted."""
+    if set(fit.active) <= set(kept):
+        return fit
     theta = theta_of(fit, kept)
     return replace(fit, theta=theta, predicted=_answers(body, [theta])[0])
 
