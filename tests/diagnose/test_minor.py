@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from vdmsi_jax.diagnose.answer.result import Estimate
-from vdmsi_jax.diagnose.body.fit import BodyFit
-from vdmsi_jax.diagnose.body.search import BodyFinding
 from vdmsi_jax.diagnose.findings.minor import (
     Weighed,
     _is_of_a_bend,
@@ -15,7 +13,6 @@ from vdmsi_jax.diagnose.findings.minor import (
     crowd,
     overshadowed,
 )
-from vdmsi_jax.diagnose.findings.naming import Named
 from vdmsi_jax.diagnose.search.found import PlantFinding, Search
 from vdmsi_jax.diagnose.signals.noise import BriefNoise, OwnNoise
 from weighed_causes import SCORE, SPEC, WEIGHING, finding, judged, named, searched, trial
@@ -244,17 +241,3 @@ def test_a_change_that_is_hardly_known_is_part_of_what_is_slow(cause, sure, dist
     why = Weighed(WEIGHING, change, trial, told, tried, disturbance=disturbed).why_minor()
     assert bool(why) is minor
     assert changes_somehow(told, why) is minor  # it takes three quarters of the error
-
-
-@pytest.mark.parametrize(("worsened", "minor"), [(2.2, False), (11.0, True)])
-def test_causes_of_the_body_that_together_ruin_the_path_are_minor(worsened, minor):
-    """A speed that reads too much, and too little at once: what a wheel that spins tells."""
-    bodily = BodyFinding(0, 100.0, object.__new__(BodyFit), (), None)
-    trial, told = judged(named("speed_scale"), 80.0, 97.4)
-
-    def why(cause: Named) -> str:
-        weighing = replace(WEIGHING, path=worsened)
-        return Weighed(weighing, cause, trial, told, [(cause, trial)]).why_minor()
-
-    assert ("path" in why(replace(named("speed_scale"), search=None, body=bodily))) is minor
-    assert not why(named("drag"))  # an actuator's shows in its own response

@@ -20,6 +20,7 @@ from .weighing import MINOR, MUCH, Weighing
 LITTLE = "it takes little of the error"
 """Of what is significant and of no weight."""
 
+SPOILS = "the path gets worse with it"
 SLOW = "any slow error has such a part"
 """Of what changes with time, or is there all the time."""
 
@@ -34,8 +35,6 @@ _FAINT = 100.0  # twice the log-likelihood, below which a cause is not sure
 _LITTLE = 0.3  # share, below which one that is so faint mends a bend beside it, or spoils the path:
 _WORSE, _MUCH_WORSE = 1.1, 2.0  # times of its error, and whatever its share: of seven exams right
 # names that do so had shares from 0.38, and as faint ones 1.1
-_RUINED = 4.0  # times of the baseline's, that all causes make the path's error: the body's make up
-# for each other then, and for what they are not; with right names of three exams up to 2.2
 _NOTHING = 0.5  # standard errors, below which a parameter is nothing, whatever it takes
 _CLEAR, _FEW = 2.0, 3  # standard errors, below which a parameter may be nothing; of so many
 _SURE = 2.5  # standard errors of the gain in FIT held out, from which on a cause is one beside no
@@ -216,10 +215,7 @@ def _is_everyday(of: Weighed) -> bool:
 
 
 def _spoils(of: Weighed) -> bool:
-    """Whether a cause that is not sure makes the path worse, the more so the more it takes; or all
-    together much worse, of those that only tell how the body moves."""
-    if of.cause.body is not None and of.weighing.path > _RUINED:
-        return True
+    """Whether a cause that is not sure makes the path worse, the more so the more it takes."""
     before, after = of.found.gain.ate_before, of.found.gain.ate_after
     if before is None or after is None or of.found.statistic >= _FAINT:
         return False
@@ -239,7 +235,7 @@ RULES: tuple[tuple[str, Callable[[Weighed], bool]], ...] = (
     ("it is where the tangent of the bent characteristic meets zero", _is_of_a_bend),
     ("it is the level at which the plant rests", _rests),
     ("so much of it every vehicle, plant or bus has", _is_everyday),
-    ("the path gets worse with it", _spoils),
+    (SPOILS, _spoils),
 )
 """In their order: the first that holds is the reason."""
 

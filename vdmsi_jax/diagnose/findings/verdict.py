@@ -29,7 +29,7 @@ from .channels import channel_scores, responses, units_of
 from .detectability import detectable
 from .extension import extended_model, plain_model
 from .merging import merged, of_yaw_rate
-from .minor import LITTLE, Weighed, changes_somehow, crowd, overshadowed
+from .minor import LITTLE, SPOILS, Weighed, changes_somehow, crowd, overshadowed
 from .naming import Named, of_stage, with_form
 from .road import Road
 from .rounding import COARSE, quantised, tells_rounding
@@ -52,14 +52,15 @@ class Evidence:
     def diagnosis(self) -> Diagnosis:
         """Confirm on data held out, rank, and look at what is left."""
         road = self._road()
+        if road is not None and road.ruined and self.bodily is not None and self.bodily.findings:
+            return self._beside(road, self.bodily)
         models = (self.runs, self.searches, self.bodily)
         remains = Remains.of(*models)
         plain, extended = (channel_scores(*models[1:], extended=e) for e in (False, True))
         rounded = quantised(self.records, extended)
         trials = [(cause, self._trial(cause)) for cause in self._causes()]
         sure = [t for t in trials if t[1].worth > 0.0 and not tells_rounding(*t, rounded)]
-        path = 1.0 if road is None else road.worsened
-        weighing = Weighing(self.searches, self.runs, plain, extended, path)
+        weighing = Weighing(self.searches, self.runs, plain, extended)
         findings, minor, crowds = self._weighed(sure, trials, weighing, remains, road)
         findings += [f for f in rounded if f.share >= COARSE]
         minor += [apart(f, LITTLE) for f in rounded if f.share < COARSE]
@@ -95,6 +96,17 @@ class Evidence:
             held_out=self._held_out(),
             summary="",
         )
+        return replace(told, summary=summary(told))
+
+    def _beside(self, road: Road, bodily: BodySearch) -> Diagnosis:
+        """Without the causes of the body, which together ruin the path: they are minor, and leave
+        the model. What an actuator may have done as well is told as that one's."""
+        spoil = [(c, self._trial(c)) for c in self._causes() if c.body and not c.search]
+        spoil = [self._finding(c, trial, road) for c, trial in spoil if trial.worth > 0.0]
+        without = replace(self, bodily=replace(bodily, final=bodily.plain, findings=()))
+        told = without.diagnosis()
+        minor = (*told.minor, *(apart(found, SPOILS) for found in spoil))
+        told = replace(told, minor=tuple(sorted(minor, key=_rank)))
         return replace(told, summary=summary(told))
 
     def _detectable(self) -> tuple[Detectable, ...]:

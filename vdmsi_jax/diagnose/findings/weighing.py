@@ -38,14 +38,12 @@ class Weighing:
         searches: of the plants.
         runs: that were looked at.
         baseline, extended: scores by channel, on data held out.
-        path: mean error of the path with all causes, of the baseline's; 1 where there is no path.
     """
 
     searches: Mapping[PlantSpec, Search]
     runs: Runs
     baseline: Mapping[str, ChannelScore]
     extended: Mapping[str, ChannelScore]
-    path: float = 1.0
 
     def leads(self, cause: Named, trials: Sequence[tuple[Named, Trial]]) -> bool:
         """Whether a cause takes most of all of its actuator where none takes more than little: each
