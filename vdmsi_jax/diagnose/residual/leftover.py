@@ -152,9 +152,9 @@ def _of_stage(
     slow = slow_error(*about, known, moves, stage.scales.time_constant)
     if slow is not None:
         found.append(replace(slow, answered=loaded))
-    if not loaded and not any(u.puzzling and u.fraction > PUZZLING for u in found):
-        found += _of_the_most(spec.output, e, white, stage.y, stage.mask | stage.held_out)
-        found = found or _of_colour(spec.output, e, white, stage.y, stage.mask | stage.held_out)
+    if not loaded and not _puzzles(found):
+        about = spec.output, e, white, stage.y, stage.mask | stage.held_out
+        found += _of_the_most(*about) or _of_colour(*about)
     # what may have drawn the noise, or the disturbance, of the data fitted; a mean that is another
     # in each run is slow, and told by that if it is large
     drawn = IMITATORS if slow is not None and slow.steady else {"resonance", "offset"}
@@ -171,6 +171,10 @@ def _of_stage(
             broken[label] = max(broken.get(label, (0.0, 0.0)), told)
     found += [_broken(label, spec.output, *shares) for label, shares in broken.items()]
     return beside_response(found, e, stage.y, stage.mask | stage.held_out)
+
+
+def _puzzles(left: Sequence[Unexplained]) -> bool:
+    return any(u.puzzling and u.fraction > PUZZLING for u in left)
 
 
 def _of_the_most(
@@ -311,6 +315,8 @@ def _of_body(runs: Runs, found: BodySearch) -> list[Unexplained]:
         slow = replace(slow, steady=False, puzzling=True)
     if slow is not None:
         left.append(slow)
+    if not _puzzles(left):
+        left += _of_colour("r", e, white, response, known)
     left = beside_response(left, e, response, known)
     for failed in found.failed:
         if failed.finding.gain > _LOUD and failed.share > _SEEN and not failed.usual:
