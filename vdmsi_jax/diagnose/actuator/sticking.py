@@ -43,10 +43,8 @@ def stuck(stage: Stage) -> list[Hypothesis]:
     response itself better than the same without: a linear fit takes the lag of what sticks for
     poles and zeros, from which no refit finds back."""
     made = []
-    for number in stage.allowed:
+    for number in _against_motion(stage):
         slot = stage.slots[number]
-        if slot.cause != "coulomb_friction" or getattr(slot.effect, "against", "") != "rate":
-            continue
         levels = np.array(_STUCK) * stage.scales.command
         ladder = [(w, zeta) for w in _STUCK_PACES for zeta in _STUCK_DAMPINGS]
         thetas = np.repeat(stage.off[None], len(levels) * len(ladder), axis=0)
@@ -72,10 +70,7 @@ def held(stage: Stage, h: Hypothesis, number: int) -> list[Hypothesis]:
     if not behind.size or behind.size > POLES - 2 or behind[0].imag or gain == 0.0:
         return []
     made, level = [], abs(0.5 * h.theta[slot.index[0]] / gain)
-    for k in stage.allowed:
-        other = stage.slots[k]
-        if other.cause != "coulomb_friction" or getattr(other.effect, "against", "") != "rate":
-            continue
+    for k in _against_motion(stage):
         for pace in _HELD_PACES * abs(fastest):
             mode = [1.0, 2.0 * _HELD_DAMPING * pace, pace**2]
             den = np.polymul(np.poly(behind).real, mode)
@@ -101,3 +96,13 @@ def pulled_back(stage: Stage, now: Refit) -> list[Hypothesis]:
             continue
         made += [added(stage, h, number, p) for p in slot.effect.probes(stage.scales)]
     return made
+
+
+def _against_motion(stage: Stage) -> list[int]:
+    """Numbers of the friction that holds what rests, and no speed."""
+    own = ((k, stage.slots[k]) for k in stage.allowed)
+    return [
+        k
+        for k, slot in own
+        if slot.cause == "coulomb_friction" and getattr(slot.effect, "against", "") == "rate"
+    ]
