@@ -79,6 +79,21 @@ def test_an_actuator_whose_lag_changes_hides_that_of_the_body_it_moves(kind, sha
     assert Remains((left,), ()).lags(cause) is lags
 
 
+@pytest.mark.parametrize(
+    ("cause", "share", "of_form", "part"),
+    [
+        ("periodic_disturbance", 0.36, False, True),
+        ("periodic_disturbance", 0.36, True, False),
+        ("periodic_disturbance", 0.6, False, False),
+        ("backlash", 0.36, False, False),
+    ],
+)
+def test_a_weak_line_beside_structure_is_a_part_of_what_comes_and_goes(cause, share, of_form, part):
+    left = Unexplained("delta", 0.1, ("t",), of_form=of_form)
+    assert Remains((left,), ()).comes_and_goes(cause, "delta", share) is part
+    assert not Remains((left,), ()).comes_and_goes(cause, "v", share)
+
+
 @pytest.mark.parametrize(("channel", "lags"), [("delta", True), ("v", False)])
 def test_a_steering_whose_measurement_stands_still_hides_a_lag_of_the_body(channel, lags):
     left = Unexplained(channel, 0.4, ("t",), kind=BURSTS)

@@ -159,6 +159,26 @@ def test_events_in_coloured_noise_are_told_where_there_surely_are_some():
     assert found.fraction > 0.5
 
 
+def test_what_goes_to_one_side_is_no_disturbance():
+    """Brakes that are touched now and then, for two seconds: repeats say that it is noise, and half
+    as much to either side may be wind."""
+    nothing, masks = np.empty((0, 1, N)), (EVERYWHERE, ~EVERYWHERE)
+    rng = np.random.default_rng(6)
+    at = np.cumsum(rng.uniform(2.2, 7.7, 10))[:, None]
+    brakes = -0.5 * rng.uniform(0.5, 1.0, (10, 1)) * np.exp(-(((T - at) / 0.7) ** 2))
+    to_both = brakes * np.where(np.arange(len(at)) % 2, 1.0, -1.0)[:, None]
+
+    def told(error: np.ndarray, noise: float) -> Unexplained | None:
+        error = NOISE + error.sum(axis=0)[None]
+        return slow_error("v", error, NOISE, RESPONSE, nothing, masks, DT, noise)
+
+    for noise in (0.0, 0.3):
+        found = told(brakes, noise)
+        assert found is not None and not found.steady and found.puzzling
+        assert found.test.endswith(", to one side")
+    assert told(to_both, 0.3) is None
+
+
 def test_where_rough_ground_goes_with_the_commands_only_events_are_the_model_s():
     masks, nothing = (EVERYWHERE, ~EVERYWHERE), np.empty((0, 1, N))
     told = slow_error("r", NOISE + wind(0.3), NOISE, RESPONSE, nothing, masks, DT)

@@ -29,7 +29,7 @@ from .channels import channel_scores, responses, units_of
 from .detectability import detectable
 from .extension import extended_model, plain_model
 from .merging import merged, of_yaw_rate
-from .minor import LITTLE, SPOILS, Weighed, changes_somehow, crowd, overshadowed
+from .minor import LITTLE, SLOW, SPOILS, Weighed, changes_somehow, crowd, overshadowed
 from .naming import Named, of_stage, with_form
 from .road import Road
 from .rounding import COARSE, quantised, tells_rounding
@@ -338,6 +338,8 @@ def _lost(cause: Named, found: Finding, remains: Remains, channel: str, share: f
     lags = cause.body is not None and remains.lags(found.cause)
     if outdone or lags or remains.outdoes(found.cause, channel, share):
         return "a kind of error that has no name here explains it better"
+    if remains.comes_and_goes(found.cause, channel, found.share):
+        return SLOW
     if remains.drowns(channel, found.share, cause.hides_small):
         return "a load that a controller answers is much larger"
     if remains.echoes(channel, found.share, found.statistic, cause.hides_small):

@@ -53,8 +53,11 @@ _PEAKED = (
 _OF_A_KIND = 0.5  # of a slow error of the yaw rate, that a kind explains which is no wind then
 _MOST = 0.5  # of the response's spread, an error from which on a model says little of it: of seven
 # exams no clean log, and none of a cause that the library has, was left with more than 0.4
-_COLOURFUL, _COMES_AND_GOES = 0.1, 10.0  # size of an error, and `unsteadiness`, from which on it is
-# no noise: of 90 channels of clean logs that had up to 2.6, a machine that runs up 50
+_COMES_AND_GOES = (
+    (0.05, 5.0),
+    (0.02, 10.0),
+)  # sizes of an error and `unsteadiness`, from which on it
+# is no noise: of 173 channels of clean logs that had up to 2.6, a machine that runs up 50
 _OF_ITSELF = {HYSTERESIS: PUZZLING, PACE: 0.1}  # share of what is left, from which on these are no
 # form of a play, friction or limit of a rate: of 2800 hunted drives no such name was right
 _NEXT_TO = 0.02  # of the time, that a change may lie before or behind a part
@@ -196,7 +199,8 @@ def _of_colour(
     """A large error whose frequencies come and go: one colour of all runs takes it for noise."""
     error, variance = float(np.mean(e[use] ** 2)), float(np.mean(white[use] ** 2))
     size = math.sqrt(error) / extent(y[use])
-    if size < _COLOURFUL or unsteadiness(white, use) < _COMES_AND_GOES:
+    unsteady = unsteadiness(white, use)
+    if not any(size > least and unsteady > sure for least, sure in _COMES_AND_GOES):
         return []
     words = f"an error of {100.0 * size:.0f} % of the response's spread, whose frequencies change"
     return [Unexplained(channel, 1.0 - variance / error, ("t",), (), words, puzzling=True)]

@@ -45,6 +45,7 @@ _BY_TURNS = 0.05  # likewise a hysteresis: beside wrong names from 0.096, beside
 _BY_PACE, _BY_MEMORY = 0.01, 0.01  # likewise these: beside wrong names from 0.02 and 0.014,
 # beside one right name of 1500 alone, 0.002
 _PACED_LIMIT = 0.1  # a limit that is not sharp leaves such, too: a right one 0.073, wrong from 0.13
+_LINE = 0.5  # share of a line beside structure: of the hunt and eight exams no right one had less
 _LAGS_OF_BODY = ("tyre_relaxation", "yaw_inertia", "sensor_lag", "sensor_delay")
 _LAGGING = 0.3  # share of what is left of an actuator, that its changing lag is beside such a lag
 _BENDS = ("gain_nonlinearity", "saturation", "gain_asymmetry", "drag")
@@ -126,6 +127,12 @@ class Remains:
         slower = [u.fraction for u in self.found if u.kind in (PACE, PACE_BY_OTHER)]
         now_and_then = max(slower, default=0.0) > _LAGGING or "delta" in self.dropping
         return cause in _LAGS_OF_BODY and now_and_then
+
+    def comes_and_goes(self, cause: str, channel: str, share: float) -> bool:
+        """Whether a line takes so small a `share` beside structure that is no form of a cause, that
+        it may be a part of that, as of all that comes and goes."""
+        left = any(u.channel == channel and not (u.of_form or u.steady) for u in self.found)
+        return cause == "periodic_disturbance" and share < _LINE and left
 
     def echoes(
         self, channel: str, share: float, statistic: float, hides_small: bool = False

@@ -52,9 +52,10 @@ def scores(
     asked: Float[np.ndarray, "k R N"],
     mask: Bool[np.ndarray, "R N"],
     dt: float,
-) -> tuple[float, float]:
+) -> tuple[float, float, float]:
     """By how many of their standard deviations an error is beyond its surrogates: in how its energy
-    goes with what is asked, and in how rare its large values are. Zero where there is too little.
+    goes with what is asked, in how rare its large values are, and in how much further it goes to
+    one side than to the other, as what brakes now and then. Zero where there is too little.
 
     Args:
         e: the error.
@@ -66,14 +67,14 @@ def scores(
     length = max(1, round(_STRETCH / dt))
     whole = _stretches(mask.astype(float), length) > 0.999
     if whole.sum() < _FEW:
-        return 0.0, 0.0
+        return 0.0, 0.0, 0.0
     recent = [history(x, seconds, dt) for seconds in _PASTS for x in asked]
     rows = _stretches(np.reshape(recent, (-1, *e.shape)), length)[:, whole]
     rows = rows - rows.mean(axis=1, keepdims=True)
     sizes = np.sqrt(np.sum(rows**2, axis=1))
     rows = rows[sizes > 0] / sizes[sizes > 0, None]
 
-    def told(e: Float[np.ndarray, "S R N"]) -> Float[np.ndarray, "2 S"]:
+    def told(e: Float[np.ndarray, "S R N"]) -> Float[np.ndarray, "3 S"]:
         energy = _stretches(e**2, length)[:, whole]
         energy = np.log(energy + _FLOOR * energy.mean(axis=1, keepdims=True) + 1e-300)
         energy = energy - energy.mean(axis=1, keepdims=True)
@@ -83,7 +84,8 @@ def scores(
         slow = slow - slow.mean(axis=1, keepdims=True)
         squares = slow**2
         rare = np.mean(squares**2, axis=1) / np.mean(squares, axis=1) ** 2
-        return np.stack([along, np.log(rare)])
+        to_a_side = np.mean(slow**3, axis=1) / np.mean(squares, axis=1) ** 1.5
+        return np.stack([along, np.log(rare), to_a_side])
 
     e = np.where(mask, e, 0.0)
     spectrum, others = np.fft.rfft(e, axis=1), []
@@ -93,8 +95,8 @@ def scores(
         others.append(told(np.where(mask, surrogates, 0.0)))
     every = np.concatenate(others, axis=1)
     middle, spread = every.mean(axis=1), every.std(axis=1)
-    along, rare = (told(e[None])[:, 0] - middle) / np.maximum(spread, 1e-12)
-    return float(along), float(rare)
+    along, rare, to_a_side = (told(e[None])[:, 0] - middle) / np.maximum(spread, 1e-12)
+    return float(along), float(rare), abs(float(to_a_side))
 
 
 def apart(e: Float[np.ndarray, "R N"], mask: Bool[np.ndarray, "R N"], dt: float) -> float:
