@@ -54,10 +54,11 @@ _OF_A_KIND = 0.5  # of a slow error of the yaw rate, that a kind explains which 
 _MOST = 0.5  # of the response's spread, an error from which on a model says little of it: of seven
 # exams no clean log, and none of a cause that the library has, was left with more than 0.4
 _COMES_AND_GOES = (
-    (0.05, 5.0),
-    (0.02, 10.0),
-)  # sizes of an error and `unsteadiness`, from which on it
-# is no noise: of 173 channels of clean logs that had up to 2.6, a machine that runs up 50
+    10.0  # `unsteadiness`, from which on an error is no noise: of 173 channels of clean
+)
+# logs that had up to 2.6, noise of measured vehicles, which goes with their speed, 8.6, a machine
+# that runs up 50
+_COLOURFUL = 0.02, 0.1  # of a response's spread, such an error beside no cause and beside some
 _OF_ITSELF = {HYSTERESIS: PUZZLING, PACE: 0.1}  # share of what is left, from which on these are no
 # form of a play, friction or limit of a rate: of 2800 hunted drives no such name was right
 _NEXT_TO = 0.02  # of the time, that a change may lie before or behind a part
@@ -157,7 +158,7 @@ def _of_stage(
         found.append(replace(slow, answered=loaded))
     if not loaded and not _puzzles(found):
         about = spec.output, e, white, stage.y, stage.mask | stage.held_out
-        found += _of_the_most(*about) or _of_colour(*about)
+        found += _of_the_most(*about) or _of_colour(*about, bool(causes))
     # what may have drawn the noise, or the disturbance, of the data fitted; a mean that is another
     # in each run is slow, and told by that if it is large
     drawn = IMITATORS if slow is not None and slow.steady else {"resonance", "offset"}
@@ -194,13 +195,12 @@ def _of_the_most(
 
 
 def _of_colour(
-    channel: str, e: np.ndarray, white: np.ndarray, y: np.ndarray, use: np.ndarray
+    channel: str, e: np.ndarray, white: np.ndarray, y: np.ndarray, use: np.ndarray, beside: bool
 ) -> list[Unexplained]:
     """A large error whose frequencies come and go: one colour of all runs takes it for noise."""
     error, variance = float(np.mean(e[use] ** 2)), float(np.mean(white[use] ** 2))
     size = math.sqrt(error) / extent(y[use])
-    unsteady = unsteadiness(white, use)
-    if not any(size > least and unsteady > sure for least, sure in _COMES_AND_GOES):
+    if size < _COLOURFUL[beside] or unsteadiness(white, use) < _COMES_AND_GOES:
         return []
     words = f"an error of {100.0 * size:.0f} % of the response's spread, whose frequencies change"
     return [Unexplained(channel, 1.0 - variance / error, ("t",), (), words, puzzling=True)]
@@ -320,7 +320,7 @@ def _of_body(runs: Runs, found: BodySearch) -> list[Unexplained]:
     if slow is not None:
         left.append(slow)
     if not _puzzles(left):
-        left += _of_colour("r", e, white, response, known)
+        left += _of_colour("r", e, white, response, known, bool(causes))
     left = beside_response(left, e, response, known)
     for failed in found.failed:
         if failed.finding.gain > _LOUD and failed.share > _SEEN and not failed.usual:
