@@ -26,7 +26,7 @@ from vdmsi_jax.diagnose.residual.families import (
     Explained,
     Family,
 )
-from vdmsi_jax.diagnose.residual.leftover import _of_a_kind, _of_the_most
+from vdmsi_jax.diagnose.residual.leftover import _MOST, _of_a_kind, _taken_for_noise
 from vdmsi_jax.diagnose.residual.remains import Remains, unexplained
 from vdmsi_jax.diagnose.signals.chain import bands, regress
 from vdmsi_jax.diagnose.signals.unexplained import BURSTS, SMALL, beside_response
@@ -197,7 +197,7 @@ def test_an_error_that_is_most_of_a_response_and_lasts_is_told(share, lasts, tol
     e = rings[None] if lasts else innovations
     y = np.sin(t)[None] * np.sqrt(2.0 * (1.0 - share**2)) + share * e / e.std()
     e, white = share * e / e.std(), share * innovations / e.std()
-    found = _of_the_most("y", e, white, y, np.ones(y.shape, bool))
+    found = _taken_for_noise("y", e, white, y, np.ones(y.shape, bool), False, _MOST)
     assert [u.puzzling for u in found] == [True] * told
 
 

@@ -34,8 +34,9 @@ _VEHICLES_ONLY = {"cross_coupling", "speed_dependent_gain", "drag", "road_grade"
 _BOTH_WAYS = {"offset by travel"}
 # of a vehicle's speed that is drag
 _PLANTS_ONLY = {
-    *(f"{cause} by stiffness" for cause in ("gain_nonlinearity", "gain_asymmetry")),
+    "gain_nonlinearity by stiffness",
     "gain_nonlinearity by power",
+    "gain_asymmetry by stiffness",
 }
 FEWEST = 80  # samples that a fit needs
 _FAR = 0.5  # of a command's largest, above which it always is where no dead zone is in its way

@@ -14,9 +14,7 @@ from ..search.found import Search
 from ..signals.runs import Runs
 from .naming import Named
 
-_RUINED = (
-    4.0  # times the error: causes of wheels that spin made it 11, right names of three exams 2.2
-)
+_RUINED = 4.0  # times the error: wheels that spin made it 11 times, right names of three exams 2.2
 
 
 class Road:

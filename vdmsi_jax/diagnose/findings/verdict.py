@@ -101,8 +101,9 @@ class Evidence:
     def _beside(self, road: Road, bodily: BodySearch) -> Diagnosis:
         """Without the causes of the body, which together ruin the path: they are minor, and leave
         the model. What an actuator may have done as well is told as that one's."""
-        spoil = [(c, self._trial(c)) for c in self._causes() if c.body and not c.search]
-        spoil = [self._finding(c, trial, road) for c, trial in spoil if trial.worth > 0.0]
+        alone = [c for c in self._causes() if c.body is not None and c.search is None]
+        trials = [(c, self._trial(c)) for c in alone]
+        spoil = [self._finding(c, trial, road) for c, trial in trials if trial.worth > 0.0]
         without = replace(self, bodily=replace(bodily, final=bodily.plain, findings=()))
         told = without.diagnosis()
         minor = (*told.minor, *(apart(found, SPOILS) for found in spoil))

@@ -53,11 +53,9 @@ _PEAKED = (
 _OF_A_KIND = 0.5  # of a slow error of the yaw rate, that a kind explains which is no wind then
 _MOST = 0.5  # of the response's spread, an error from which on a model says little of it: of seven
 # exams no clean log, and none of a cause that the library has, was left with more than 0.4
-_COMES_AND_GOES = (
-    10.0  # `unsteadiness`, from which on an error is no noise: of 173 channels of clean
-)
-# logs that had up to 2.6, noise of measured vehicles, which goes with their speed, 8.6, a machine
-# that runs up 50
+_COMES_AND_GOES = 10.0  # `unsteadiness`, from which on an error is no noise: 173 channels of clean
+# logs had up to 2.6, measured vehicles, whose noise goes with their speed, 8.6, a machine that runs
+# up 50
 _COLOURFUL = 0.02, 0.1  # of a response's spread, such an error beside no cause and beside some
 _OF_ITSELF = {HYSTERESIS: PUZZLING, PACE: 0.1}  # share of what is left, from which on these are no
 # form of a play, friction or limit of a rate: of 2800 hunted drives no such name was right
@@ -157,8 +155,8 @@ def _of_stage(
     if slow is not None:
         found.append(replace(slow, answered=loaded))
     if not loaded and not _puzzles(found):
-        about = spec.output, e, white, stage.y, stage.mask | stage.held_out
-        found += _of_the_most(*about) or _of_colour(*about, bool(causes))
+        use, beside = stage.mask | stage.held_out, bool(causes)
+        found += _taken_for_noise(spec.output, e, white, stage.y, use, beside, _MOST)
     # what may have drawn the noise, or the disturbance, of the data fitted; a mean that is another
     # in each run is slow, and told by that if it is large
     drawn = IMITATORS if slow is not None and slow.steady else {"resonance", "offset"}
@@ -181,28 +179,27 @@ def _puzzles(left: Sequence[Unexplained]) -> bool:
     return any(u.puzzling and u.fraction > PUZZLING for u in left)
 
 
-def _of_the_most(
-    channel: str, e: np.ndarray, white: np.ndarray, y: np.ndarray, use: np.ndarray
+def _taken_for_noise(
+    channel: str,
+    e: np.ndarray,
+    white: np.ndarray,
+    y: np.ndarray,
+    use: np.ndarray,
+    beside: bool,
+    most: float = math.inf,
 ) -> list[Unexplained]:
-    """An error that is most of a response and lasts: an estimated colour takes it for noise, and a
-    model that tells so little of a response has not told why."""
+    """An error that one estimated colour takes for noise, and is none: it is `most` of a response
+    and lasts, and a model that tells so little of a response has not told why; or it is large,
+    `beside` a cause or none, and its frequencies come and go."""
     error, variance = float(np.mean(e[use] ** 2)), float(np.mean(white[use] ** 2))
     size = math.sqrt(error) / extent(y[use])
-    if size < _MOST or not lasts(error, variance, y[use]):
+    if size >= most and lasts(error, variance, y[use]):
+        how = "which lasts"
+    elif size >= _COLOURFUL[beside] and unsteadiness(white, use) >= _COMES_AND_GOES:
+        how = "whose frequencies change"
+    else:
         return []
-    words = f"an error of {100.0 * size:.0f} % of the response's spread, which lasts"
-    return [Unexplained(channel, 1.0 - variance / error, ("t",), (), words, puzzling=True)]
-
-
-def _of_colour(
-    channel: str, e: np.ndarray, white: np.ndarray, y: np.ndarray, use: np.ndarray, beside: bool
-) -> list[Unexplained]:
-    """A large error whose frequencies come and go: one colour of all runs takes it for noise."""
-    error, variance = float(np.mean(e[use] ** 2)), float(np.mean(white[use] ** 2))
-    size = math.sqrt(error) / extent(y[use])
-    if size < _COLOURFUL[beside] or unsteadiness(white, use) < _COMES_AND_GOES:
-        return []
-    words = f"an error of {100.0 * size:.0f} % of the response's spread, whose frequencies change"
+    words = f"an error of {100.0 * size:.0f} % of the response's spread, {how}"
     return [Unexplained(channel, 1.0 - variance / error, ("t",), (), words, puzzling=True)]
 
 
@@ -320,7 +317,7 @@ def _of_body(runs: Runs, found: BodySearch) -> list[Unexplained]:
     if slow is not None:
         left.append(slow)
     if not _puzzles(left):
-        left += _of_colour("r", e, white, response, known, bool(causes))
+        left += _taken_for_noise("r", e, white, response, known, bool(causes))
     left = beside_response(left, e, response, known)
     for failed in found.failed:
         if failed.finding.gain > _LOUD and failed.share > _SEEN and not failed.usual:

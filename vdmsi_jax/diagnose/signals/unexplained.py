@@ -151,8 +151,9 @@ def slow_error(
             continue
         scored = scored or scores(residual, asked, known & moving, dt)
         lopsided = scored[2] > _LOPSIDED  # as no noise is, whatever repeats say of it
-        size = whole if lopsided else float(np.sqrt(max(whole**2 - noise**2, 0.0)))
-        if size < max(SMALL * spread, 0.0 if lopsided else noise):
+        repeated = 0.0 if lopsided else noise
+        size = float(np.sqrt(max(whole**2 - repeated**2, 0.0)))
+        if size < max(SMALL * spread, repeated):
             continue
         along, rare = counts * scored[:2]
         large = size > max(least * spread, _BESIDE * fast)
