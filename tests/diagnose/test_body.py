@@ -10,7 +10,7 @@ from vdmsi_jax.diagnose.body.fit import BodyFit, fit_body
 from vdmsi_jax.diagnose.body.search import BodySearch, body_price, body_score, search_body
 from vdmsi_jax.diagnose.findings.body_naming import of_body
 from vdmsi_jax.diagnose.findings.budget import of_turning
-from vdmsi_jax.diagnose.residual.leftover import jumps_of_pose
+from vdmsi_jax.diagnose.residual.of_body import jumps_of_pose
 from vdmsi_jax.diagnose.signals.noise import Pair
 from vdmsi_jax.models.bicycle import Bicycle
 

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from vdmsi_jax.diagnose.answer.result import Estimate
+from vdmsi_jax.diagnose.body.fit import BodyFit
+from vdmsi_jax.diagnose.body.search import BodyFinding
 from vdmsi_jax.diagnose.findings.minor import (
     Weighed,
     _is_of_a_bend,
@@ -197,18 +199,32 @@ def test_a_faint_bend_beside_another_mends_its_form(statistic, first, minor):
 
 
 @pytest.mark.parametrize(
-    ("share", "statistic", "after", "minor"),
-    [(0.24, 66.0, 0.7, True), (0.45, 66.0, 0.7, False), (0.24, 260.0, 1.4, False),
-     (0.24, 66.0, 0.62, False), (0.58, 66.0, 3.0, True), (0.58, 4900.0, 3.0, False),
-     (0.24, 66.0, None, False)],
+    ("share", "statistic", "after", "se", "minor"),
+    [(0.24, 66.0, 0.7, 1.2, True), (0.45, 66.0, 0.7, 1.2, False), (0.24, 260.0, 1.4, 1.2, False),
+     (0.24, 66.0, 0.62, 1.2, False), (0.58, 66.0, 3.0, 1.2, True), (0.58, 4900.0, 3.0, 1.2, False),
+     (0.24, 66.0, None, 1.2, False), (0.24, 66.0, 0.7, 0.4, False), (0.24, 66.0, 1.4, 0.4, True)],
 )  # fmt: skip
-def test_a_faint_cause_that_makes_the_path_worse_is_minor(share, statistic, after, minor):
+def test_a_faint_cause_that_makes_the_path_worse_is_minor(share, statistic, after, se, minor):
+    """Unless data held out surely bear it out: one path may be worse by chance."""
     bend = named("gain_nonlinearity")
     trial, told = judged(bend, 90.0, 92.0)
+    trial = replace(trial, gain=replace(trial.gain, se=se))
     own = replace(told.gain, ate_before=0.6, ate_after=after)
     told = replace(told, share=share, statistic=statistic, gain=own)
     why = Weighed(WEIGHING, bend, trial, told, [(bend, trial)]).why_minor()
     assert ("path" in why) is minor and bool(why) is minor
+
+
+@pytest.mark.parametrize(
+    ("ends", "puzzle", "minor"), [(True, 0.57, True), (True, 0.0, False), (False, 0.57, False)]
+)
+def test_a_cause_of_the_body_at_the_end_of_its_range_beside_structure_is_minor(ends, puzzle, minor):
+    """As castors that swing round after each reversal are understeer of 5 s^2/m^2."""
+    nowhere = object.__new__(BodyFit)
+    bank = replace(named("bank"), body=BodyFinding(0, 700.0, nowhere, (), None, ends))
+    trial, told = judged(bank, 2.0, 59.0)
+    why = Weighed(WEIGHING, bank, trial, told, [(bank, trial)], puzzle=puzzle).why_minor()
+    assert ("as far as is tried" in why) is minor and bool(why) is minor
 
 
 def test_of_what_only_brief_noise_shows_little_mends_what_takes_more():

@@ -26,7 +26,8 @@ from vdmsi_jax.diagnose.residual.families import (
     Explained,
     Family,
 )
-from vdmsi_jax.diagnose.residual.leftover import _MOST, _of_a_kind, _taken_for_noise
+from vdmsi_jax.diagnose.residual.leftover import of_a_kind, taken_for_noise
+from vdmsi_jax.diagnose.residual.of_plant import _MOST
 from vdmsi_jax.diagnose.residual.remains import Remains, unexplained
 from vdmsi_jax.diagnose.signals.chain import bands, regress
 from vdmsi_jax.diagnose.signals.unexplained import BURSTS, SMALL, beside_response
@@ -113,7 +114,7 @@ def test_a_steering_whose_measurement_stands_still_hides_a_lag_of_the_body(chann
 def test_a_kind_that_takes_much_beside_its_cause_is_no_form_of_it(kind, cause, share, of_form):
     family = Family(kind, ("v",), np.empty((1, 1, N)), (cause,))
     known = Explained(family, 500.0, 100.0, share)
-    (left,) = _of_a_kind("v", known, [cause], wind(0.3), RESPONSE, EVERYWHERE)
+    (left,) = of_a_kind("v", known, [cause], wind(0.3), RESPONSE, EVERYWHERE)
     assert left.of_form is of_form and (left.kind == kind) is not of_form
     assert left.test.startswith(f"{cause} has another form") is of_form
 
@@ -197,7 +198,7 @@ def test_an_error_that_is_most_of_a_response_and_lasts_is_told(share, lasts, tol
     e = rings[None] if lasts else innovations
     y = np.sin(t)[None] * np.sqrt(2.0 * (1.0 - share**2)) + share * e / e.std()
     e, white = share * e / e.std(), share * innovations / e.std()
-    found = _taken_for_noise("y", e, white, y, np.ones(y.shape, bool), False, _MOST)
+    found = taken_for_noise("y", e, white, y, np.ones(y.shape, bool), False, _MOST)
     assert [u.puzzling for u in found] == [True] * told
 
 

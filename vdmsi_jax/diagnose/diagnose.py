@@ -1,7 +1,8 @@
 """The verb: from logs to the causes, the extended model, and the gain on data held out."""
 
-from collections.abc import Callable, Mapping, Sequence, Set
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,10 +21,11 @@ from ..threads import AT_ONCE, one_for_blas
 from .actuator.stage import Stage
 from .answer.result import Diagnosis, Unexplained
 from .body.search import search_body
+from .findings.looked import Looked
 from .findings.rounding import of_the_sensor
 from .findings.verdict import Evidence
 from .prepare import body_of, stage_of, stands
-from .residual.leftover import breaks_where_judged, is_another, only_where_judged
+from .residual.elsewhere import breaks_where_judged, is_another, only_where_judged
 from .search.found import Search
 from .search.search import ActsInSteps, search
 from .signals.contradictions import Contradiction, contradictions
@@ -57,9 +59,15 @@ def diagnose(
     Works in double precision, whatever the setting of JAX outside: paths are differenced here.
     """
     make_room()
-    # trials may leave every range
-    with jax.enable_x64(True), np.errstate(all="ignore"), one_for_blas():
+    with _computing(), one_for_blas():
         return _diagnose(records, vehicle, noise or {}, told)
+
+
+@contextmanager
+def _computing() -> Iterator[None]:
+    """Double precision, and trials that may leave every range: both are a thread's own."""
+    with jax.enable_x64(True), np.errstate(all="ignore"):
+        yield
 
 
 def _diagnose(
@@ -158,7 +166,7 @@ def _evidence(
 
     def look(spec: PlantSpec) -> Search | InputError:
         try:
-            with jax.enable_x64(True), np.errstate(all="ignore"):  # both are a thread's own
+            with _computing():
                 stage = _stage(runs, several, spec, noise.get(spec.output))
                 found = search(stage)
                 rounds = of_the_sensor(found, runs.records, spec.output)
@@ -166,18 +174,26 @@ def _evidence(
         except InputError as why:
             return why
 
+    def look_on(spec: PlantSpec, looking: Future[Search | InputError]) -> Looked | None:
+        found = looking.result()
+        if isinstance(found, InputError):
+            return None
+        with _computing():
+            return Looked.on(several, runs, spec, found)
+
     with ThreadPoolExecutor(AT_ONCE) as pool:  # one whitens while the other simulates
-        looked = dict(zip(plants, pool.map(look, plants), strict=True))
-    searches = {spec: found for spec, found in looked.items() if isinstance(found, Search)}
-    refused = {spec: why for spec, why in looked.items() if isinstance(why, InputError)}
-    unseen = [f"The {spec.name} was not looked at: {why}" for spec, why in refused.items()]
-    unseen += uncommanded(several, plants) + _left_out(several, runs)
-    by_channel = {spec.output: found for spec, found in searches.items()}
-    say("looking into the body, the road and the sensors")
-    body = body_of(runs, by_channel)
-    bodily = None if body is None else search_body(body)
-    if bodily is None:
-        unseen.append(_why_no_body(several))
+        looking = {spec: pool.submit(look, spec) for spec in plants}
+        lookings_on = {spec: pool.submit(look_on, spec, own) for spec, own in looking.items()}
+        looked = {spec: own.result() for spec, own in looking.items()}
+        searches = {spec: found for spec, found in looked.items() if isinstance(found, Search)}
+        refused = {spec: why for spec, why in looked.items() if isinstance(why, InputError)}
+        unseen = [f"The {spec.name} was not looked at: {why}" for spec, why in refused.items()]
+        unseen += uncommanded(several, plants) + _left_out(several, runs)
+        say("looking into the body, the road and the sensors")
+        body = body_of(runs, {spec.output: found for spec, found in searches.items()})
+        bodily = None if body is None else search_body(body)
+        if bodily is None:
+            unseen.append(_why_no_body(several))
     if not searches and bodily is None:
         names = ", ".join(record.source for record in several)
         if refused:
@@ -188,7 +204,9 @@ def _evidence(
         why = [*_unshared(several), *none, *unseen][0].rstrip(".")
         raise InputError(names, "plants", why, mend)
     say("judging on the data held out")
-    return Evidence(several, runs, searches, bodily, tuple(unseen))
+    every = {spec: own.result() for spec, own in lookings_on.items()}
+    found = {spec: seen for spec, seen in every.items() if seen is not None}
+    return Evidence(several, runs, found, bodily, tuple(unseen))
 
 
 def _alike(records: list[Record], vehicle: VehicleGeometry | None) -> list[Record]:

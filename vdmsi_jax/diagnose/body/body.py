@@ -39,7 +39,8 @@ speed does to the yaw rate); how far the point whose pose is told is ahead of wh
 be, in wheelbases; and side slip of the rear by lateral acceleration, rad s^2/m."""
 
 CHANNELS = ("r", "psi", "forward", "aside")
-_LANES = 8  # of a compiled program
+LANES = 8
+"""Vectors that a compiled program takes."""
 _STANDS = 0.05  # of the largest speed, below which a vehicle tells nothing of its angle
 _SETTLED = 0.7  # of a channel's samples, that have all of the past that its colour sees
 
@@ -261,8 +262,8 @@ class Body:
     def simulate(self, theta: Float[np.ndarray, "L P"]) -> dict[str, Float[np.ndarray, "L R N"]]:
         """Every channel at each vector."""
         parts = []
-        for start in range(0, len(theta), _LANES):
-            turned, moved, _ = self._moved(theta[start : start + _LANES], self.v, self.delta)
+        for start in range(0, len(theta), LANES):
+            turned, moved, _ = self._moved(theta[start : start + LANES], self.v, self.delta)
             parts.append((turned, *moved))
         joined = [np.concatenate(x) for x in zip(*parts, strict=True)]
         return {c: y for c, y in zip(CHANNELS, joined, strict=True) if c in self.measured}
@@ -276,7 +277,7 @@ class Body:
 
     def _moved(self, theta: Float[np.ndarray, "L P"], v: np.ndarray, delta: np.ndarray):
         """Yaw rates, increments and poses of no more vectors than a program takes."""
-        padded = np.concatenate([theta, np.repeat(theta[:1], _LANES - len(theta), axis=0)])
+        padded = np.concatenate([theta, np.repeat(theta[:1], LANES - len(theta), axis=0)])
         how = Static((self.by_yaw_rate, self.window))
         told = np.asarray(self.dt), np.asarray(self.yaw_bias)
         moved = _simulate(padded, v, delta, self.bicycle, *told, how)

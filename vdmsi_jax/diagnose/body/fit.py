@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
@@ -10,7 +11,10 @@ from ...threads import each
 from ..signals.chain import regress
 from ..signals.colour import whiten
 from ..signals.windows import BLOCK, block_sums, inverse, widening
-from .body import CAUSES, INDEX, LAGS, NUISANCE, Body
+from .body import CAUSES, INDEX, LAGS, LANES, NUISANCE, Body
+
+Start = tuple[tuple[int, ...], np.ndarray]
+"""Of a fit: the causes that are on, and the parameters."""
 
 _MOST = 5.0  # of a parameter of the body, in its unit
 _STEP = 1e-3
@@ -66,7 +70,7 @@ def fit_body(
 
 def refit_body(
     body: Body,
-    starts: Sequence[tuple[tuple[int, ...], np.ndarray]],
+    starts: Sequence[Start],
     rounds: int = 1,
     steps: int = _STEPS,
 ) -> list[BodyFit]:
@@ -86,23 +90,34 @@ def refit_body(
     return each(BodyLane.finish, lanes)
 
 
-def polished(body: Body, fit: BodyFit) -> BodyFit:
-    """A fit, gone on with under its own colours."""
-    lane = BodyLane.of(body, fit)
-    moving = [lane]
+def polished(body: Body, fits: Sequence[BodyFit]) -> list[BodyFit]:
+    """Fits, gone on with under their own colours."""
+    lanes = each(partial(BodyLane.of, body), fits)
+    moving = lanes
     for _ in range(_STEPS):
         moving = _step(body, moving)
-    lane.recolour()
-    return lane.finish()
-
-
-def moved(body: Body, fit: BodyFit, thetas: Float[np.ndarray, "L P"]) -> list[BodyFit]:
-    """A fit at other parameters, its colours estimated anew."""
-    lanes = [BodyLane(body, fit.active, theta) for theta in thetas]
-    for lane, y in zip(lanes, _answers(body, list(thetas)), strict=True):
-        lane.y, lane.colour = y, dict(fit.colour)
     each(BodyLane.recolour, lanes)
     return each(BodyLane.finish, lanes)
+
+
+def logliks_at(
+    body: Body, fit: BodyFit, thetas: Float[np.ndarray, "L P"]
+) -> Float[np.ndarray, " L"]:
+    """Log-likelihoods of a fit at other parameters, its colours estimated anew."""
+    at = BodyLane(body, fit.active, fit.theta)
+    at.colour = dict(fit.colour)
+    for c in at.colour:
+        at.still(c)
+
+    def of(some: Float[np.ndarray, "l P"]) -> list[float]:
+        found, y = [], body.simulate(some)
+        for i, theta in enumerate(some):
+            lane = at.elsewhere(theta, {c: y[c][i] for c in y})
+            lane.recolour()
+            found.append(lane.loglik)
+        return found
+
+    return np.array(sum(each(of, _in_programs(thetas)), []))
 
 
 def theta_of(fit: BodyFit, kept: Collection[int]) -> Float[np.ndarray, " P"]:
@@ -125,8 +140,13 @@ def with_only(body: Body, fit: BodyFit, kept: Collection[int]) -> BodyFit:
 def _answers(body: Body, thetas: Sequence[np.ndarray]) -> list[dict[str, np.ndarray]]:
     if not thetas:
         return []
-    y = body.simulate(np.stack(thetas))
-    return [{c: y[c][i] for c in y} for i in range(len(thetas))]
+    every = each(body.simulate, _in_programs(np.stack(thetas)))
+    return [{c: y[c][i] for c in y} for y in every for i in range(len(next(iter(y.values()))))]
+
+
+def _in_programs(thetas: Float[np.ndarray, "L P"]) -> list[Float[np.ndarray, "l P"]]:
+    """As many vectors as a compiled program takes, and the next."""
+    return [thetas[at : at + LANES] for at in range(0, len(thetas), LANES)]
 
 
 def bounds(body: Body) -> tuple[np.ndarray, np.ndarray]:
@@ -155,8 +175,8 @@ class BodyLane:
         self.variance: dict[str, float] = {}
         self.shares: dict[str, np.ndarray] = {}
         self.normal = np.eye(len(self.free))
-        self.value = np.inf
         self.damping = 1e-3
+        self._value: float | None = None
         self._still: dict[str, np.ndarray] = {}
 
     @classmethod
@@ -167,10 +187,20 @@ class BodyLane:
         lane.recolour()
         return lane
 
+    def elsewhere(self, theta: np.ndarray, y: dict[str, np.ndarray]) -> "BodyLane":
+        """A lane at other parameters that begins with the colours of this one."""
+        lane = BodyLane(self.body, self.active, theta)
+        lane.y, lane.colour, lane._still = y, dict(self.colour), dict(self._still)
+        return lane
+
     def raw(self, y: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Residuals."""
         body = self.body
         return {c: np.where(body.mask[c], body.measured[c] - y[c], 0.0) for c in y}
+
+    def to(self, theta: np.ndarray, y: dict[str, np.ndarray], value: float) -> None:
+        """Move to other parameters, whose response and its cost are known."""
+        self.theta, self.y, self._value = theta, y, value
 
     def left(self) -> dict[str, np.ndarray]:
         """Residuals after the chain rule, its shares as they stand."""
@@ -181,20 +211,21 @@ class BodyLane:
     def recolour(self) -> None:
         """Estimate shares and colours anew."""
         e = self.raw(self.y)
-        for c, X in self.body.chain.columns(e).items():
-            counted, order = self.body.counted[c], self.body.order[c]
+        moving = self.body.chain.moving(e)
+        for c in e:
+            rows = np.concatenate([e[c][None], moving[c]]) if c in moving else e[c][None]
+            X = np.concatenate([rows[1:], self.body.chain.still[c]])
             new = c not in self.colour
-            colour = np.zeros(order) if new else self.colour[c]
+            if new:
+                self.colour[c] = np.zeros(self.body.order[c])
             for _ in range(2 if new else 1):
-                w = whiten(np.concatenate([e[c][None], X])[None], colour[None])[0][:, counted]
+                w = np.concatenate([self.white(c, rows), self.still(c)])
                 self.shares[c] = regress(w[1:], w[0])
                 left = e[c] - np.tensordot(self.shares[c], X, 1)
-                colour = self.body.colour(c, left)
-            self.colour[c] = colour
-            white = whiten(np.concatenate([left[None], X])[None], colour[None])[0][:, counted]
-            self.variance[c] = float(np.mean(white[0] ** 2))
-            self._still[c] = white[1 + len(X) - len(self.body.chain.still[c]) :]
-        self.value = self.cost(self.y)
+                self.colour[c] = self.body.colour(c, left)
+                self._still.pop(c, None)
+            self.variance[c] = float(np.mean(self.white(c, left[None]) ** 2))
+        self._value = None
 
     def cost(self, y: dict[str, np.ndarray]) -> float:
         """Sum of squares of the innovations at the best shares of the chain rule, under the colours
@@ -204,14 +235,30 @@ class BodyLane:
         for c in e:
             rows = np.concatenate([e[c][None], moving[c]]) if c in moving else e[c][None]
             w = self.white(c, rows)
-            X = np.concatenate([w[1:], self._still[c]])
+            X = np.concatenate([w[1:], self.still(c)])
             rest = w[0] - regress(X, w[0]) @ X
             total += float(rest @ rest) / self.variance[c]
         return total
 
+    @property
+    def value(self) -> float:
+        """The cost of the response."""
+        if self._value is None:
+            self._value = self.cost(self.y)
+        return self._value
+
+    def still(self, channel: str) -> np.ndarray:
+        """What no hypothesis changes of a channel's chain rule, after its whitening filter."""
+        if channel not in self._still:
+            self._still[channel] = self.white(channel, self.body.chain.still[channel])
+        return self._still[channel]
+
     def white(self, channel: str, rows: np.ndarray) -> np.ndarray:
         """Rows of a channel after its whitening filter, where they count."""
-        return whiten(rows[None], self.colour[channel][None])[0][:, self.body.counted[channel]]
+        counted, colour = self.body.counted[channel], self.colour[channel]
+        if not colour.any():
+            return rows[:, counted]
+        return whiten(rows[None], colour[None])[0][:, counted]
 
     def passed(self, moved: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """A change of the responses as the residuals after the chain rule see it."""
@@ -234,22 +281,26 @@ class BodyLane:
             rows = np.concatenate([rest[None], *(s[c][None] for s in slopes), X[c]])
             where = [*range(k), *range(at, at + len(X[c]))]
             stacks[c] = (rows, where)
-            moving = len(X[c]) - len(self._still[c])
-            w = np.concatenate([self.white(c, rows[: 1 + k + moving]), self._still[c]])
+            moving = len(X[c]) - len(self.still(c))
+            w = np.concatenate([self.white(c, rows[: 1 + k + moving]), self.still(c)])
             gram = w @ w.T / self.variance[c]
             normal[np.ix_(where, where)] += gram[1:, 1:]
             slope[where] += gram[1:, 0]
             at += len(X[c])
         return normal, slope, stacks
 
-    def finish(self) -> BodyFit:
-        """The fit as it stands."""
-        loglik = -0.5 * sum(
+    @property
+    def loglik(self) -> float:
+        """Over all channels."""
+        return -0.5 * sum(
             int(self.body.counted[c].sum()) * float(np.log(max(self.variance[c], 1e-300)))
             for c in self.y
         )
+
+    def finish(self) -> BodyFit:
+        """The fit as it stands."""
         return BodyFit(
-            self.active, self.theta, loglik, self.y, self.left(),
+            self.active, self.theta, self.loglik, self.y, self.left(),
             self.colour, self.variance, self.shares, self.free, inverse(self.normal),
         )  # fmt: skip
 
@@ -321,7 +372,7 @@ def _step(body: Body, lanes: Sequence[BodyLane]) -> list[BodyLane]:
                 moved.append(lane)
             lane.damping = max(lane.damping * _DAMPINGS[best], 1e-6)
             j = many * i + best
-            lane.value, lane.theta, lane.y = costs[best], trials[j], tried[j]
+            lane.to(trials[j], tried[j], costs[best])
         elif lane.damping < _STUCK:
             lane.damping *= 1e3
             moved.append(lane)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Bool
@@ -12,8 +13,20 @@ from ..search.judge import Scored, confirmed
 from ..search.price import CAUSE_COST, PARAMETER_COST
 from ..search.search import MADE_UP, SURE, SWAPPED, SWAPS, WORSENED, clearly_less, lasts
 from .body import BANK, CAUSES, INDEX, NUISANCE, Body
-from .fit import BodyFit, fit_body, moved, polished, refit_body, residual, robust
+from .fit import (
+    BodyFit,
+    Start,
+    bounds,
+    fit_body,
+    logliks_at,
+    polished,
+    refit_body,
+    residual,
+    robust,
+)
 from .screen import may_join, screen_body
+
+K = TypeVar("K")
 
 _CHANNELS_COST = 8.0
 _MOST = 7
@@ -29,13 +42,15 @@ _LATE = (0.03, 0.07, 0.15, 0.32)  # s, that are tried
 @dataclass(frozen=True, eq=False)
 class BodyFinding:
     """A cause, what it is worth in twice the log-likelihood, the model without it, what was tried
-    in its place with what it lacks, and the first step of a fit from where the screen leads."""
+    in its place with what it lacks, the first step of a fit from where the screen leads, and
+    whether a parameter lies at the upper end of its range."""
 
     number: int
     gain: float
     less: BodyFit
     others: tuple[tuple[int, float], ...]
     promised: BodyFit | None
+    ends: bool = False
 
     @property
     def rivals(self) -> tuple[int, ...]:
@@ -109,22 +124,22 @@ def _bears_out(found: BodySearch, other: BodySearch) -> bool:
 
 def _searched(body: Body) -> BodySearch:
     """What one kind of noise lets the channels support."""
-    plain = now = polished(body, fit_body(body, [()])[0])
+    plain = now = polished(body, fit_body(body, [()]))[0]
     passed: Sequence[BodyFit] = ()
     for k in range(SWAPS):
         now, passed = _extended(body, now, timed=k == 0)
-        now = _eliminated(body, now)
-        findings, other = _findings(body, now)
+        now, less = _eliminated(body, now)
+        findings, other = _findings(body, now, less)
         if other is None or body_score(other) < body_score(now) + SWAPPED:
             break
-        now = polished(body, other)
+        now = polished(body, [other])[0]
     else:
-        findings = _findings(body, now)[0]
+        findings = _findings(body, now, _without_each(body, now))[0]
     failed: list[BodyFailed] = []
     while True:
         more = _borne_out(body, now, passed)
         if more is not None:
-            now, findings = more, _findings(body, more)[0]
+            now, findings = more, _findings(body, more, _without_each(body, more))[0]
         worth = [_confirmed(body, now, f.less) for f in findings]
         if min(worth, default=np.inf) > 0.0:
             break
@@ -133,10 +148,10 @@ def _searched(body: Body) -> BodySearch:
         where = _taken(body, now, findings[worst].less)
         failed.append(BodyFailed(findings[worst], *where, usual))
         body = body.without(findings[worst].number)
-        now = _eliminated(body, polished(body, findings[worst].less))
+        now, _ = _eliminated(body, polished(body, [findings[worst].less])[0])
         now, passed = _extended(body, now, timed=False)
-        now = _eliminated(body, now)
-        findings, _ = _findings(body, now)
+        now, less = _eliminated(body, now)
+        findings, _ = _findings(body, now, less)
     return BodySearch(body, plain, robust(body, now), findings, tuple(failed))
 
 
@@ -254,77 +269,98 @@ def _extended(body: Body, now: BodyFit, timed: bool) -> tuple[BodyFit, Sequence[
     while len(now.active) < _MOST:
         promising = [s for s in screen_body(body, now) if s[0] > 8.0][:_REFITTED]
         fits = refit_body(body, [_with(now, k, theta) for _, k, theta in promising])
-        fits = [  # what falls short of its promise is not there yet: the colour was another's
-            polished(body, f) if 2.0 * (f.loglik - now.loglik) < gain else f
+        short = [  # of its promise, and so not there yet: the colour was another's
+            f
             for f, (gain, _, _) in zip(fits, promising, strict=True)
+            if 2.0 * (f.loglik - now.loglik) < gain
         ]
+        there = dict(zip(short, polished(body, short), strict=True))
+        fits = [there.get(f, f) for f in fits]
         best = max(fits, key=body_score, default=now)
         if timed and (not now.active or body_score(best) <= body_score(now)):
             best = max([best, *refit_body(body, _timed(body, now))], key=body_score)
         if not body_score(best) > body_score(now):
             break
-        now = polished(body, best)
+        now = polished(body, [best])[0]
     return now, fits
 
 
-def _with(fit: BodyFit, number: int, theta: np.ndarray) -> tuple[tuple[int, ...], np.ndarray]:
+def _with(fit: BodyFit, number: int, theta: np.ndarray) -> Start:
     """The start of a fit with one more cause."""
     return tuple(sorted({*fit.active, number})), theta
 
 
-def _timed(body: Body, now: BodyFit) -> list[tuple[tuple[int, ...], np.ndarray]]:
+def _timed(body: Body, now: BodyFit) -> list[Start]:
     """Each cause that acts by a time, or by what is one at the usual speed, at the best of several
     where that is better than without."""
-    starts = []
-    for k in body.allowed:
-        if not may_join(k, now) or CAUSES[k].names[0] not in _TIMES:
-            continue
-        thetas = np.repeat(now.theta[None], len(_LATE), axis=0)
-        thetas[:, INDEX[k][0]] = np.array(_LATE) / _seconds(body, k)
-        best = max(moved(body, now, thetas), key=lambda f: f.loglik)
-        if best.loglik > now.loglik:
-            starts.append(_with(now, k, best.theta))
-    return starts
+    causes = [k for k in body.allowed if may_join(k, now) and CAUSES[k].names[0] in _TIMES]
+    if not causes:
+        return []
+    thetas = np.repeat(now.theta[None], len(causes) * len(_LATE), axis=0)
+    for i, k in enumerate(causes):
+        own = slice(i * len(_LATE), (i + 1) * len(_LATE))
+        thetas[own, INDEX[k][0]] = np.array(_LATE) / _seconds(body, k)
+    logliks = logliks_at(body, now, thetas).reshape(len(causes), len(_LATE))
+    best = np.argmax(logliks, axis=1)
+    return [
+        _with(now, k, thetas[i * len(_LATE) + best[i]])
+        for i, k in enumerate(causes)
+        if logliks[i, best[i]] > now.loglik
+    ]
 
 
-def _eliminated(body: Body, now: BodyFit) -> BodyFit:
-    """Causes taken out that others have made needless."""
-    while now.active:
-        less = fit_body(body, [tuple(k for k in now.active if k != i) for i in now.active], now)
-        best = max(less, key=body_score)
-        if body_score(best) < body_score(now):
-            break
+def _without_each(body: Body, now: BodyFit) -> list[BodyFit]:
+    """The fits without one of the causes each."""
+    return fit_body(body, [tuple(k for k in now.active if k != i) for i in now.active], now)
+
+
+def _eliminated(body: Body, now: BodyFit) -> tuple[BodyFit, list[BodyFit]]:
+    """Causes taken out that others have made needless; and the fits without one more of them."""
+    while True:
+        less = _without_each(body, now)
+        best = max(less, key=body_score, default=None)
+        if best is None or body_score(best) < body_score(now):
+            return now, less
         now = best
-    return now
 
 
-def _findings(body: Body, now: BodyFit) -> tuple[tuple[BodyFinding, ...], BodyFit | None]:
-    """Each cause with what it is worth and what could stand in its place; and the best fit with
-    another in the place of one."""
-    found, tried = [], []
-    for i in now.active:
-        rest = tuple(k for k in now.active if k != i)
-        less = fit_body(body, [rest], now)[0]
-        gain = 2 * (now.loglik - less.loglik)
-        screened = screen_body(body, less)
-        probes = [_with(less, k, theta) for _, k, theta in screened if k == i][:1]
-        promised = next(iter(refit_body(body, probes, steps=1)), None)
-        close = [s for s in screened if s[1] != i and s[0] > 0.3 * gain][:_REFITTED]
-        fits = refit_body(body, [_with(less, k, theta) for _, k, theta in close])
-        tried += fits
+def _findings(
+    body: Body, now: BodyFit, less: Sequence[BodyFit]
+) -> tuple[tuple[BodyFinding, ...], BodyFit | None]:
+    """Each cause with what it is worth and what could stand in its place, from the fits with each
+    left out; and the best fit with another in the place of one."""
+    probed, close = [], []  # by number of the cause, with where a fit begins
+    for i, without in zip(now.active, less, strict=True):
+        gain = 2.0 * (now.loglik - without.loglik)
+        screened = [(s[0], s[1], _with(without, *s[1:])) for s in screen_body(body, without)]
+        probed += [(i, start) for _, k, start in screened if k == i]
+        likely = [(i, k, start) for g, k, start in screened if k != i and g > 0.3 * gain]
+        close += likely[:_REFITTED]
+    promised = dict(_refitted(body, probed, steps=1))
+    tried = _refitted(body, [((i, k), start) for i, k, start in close])
+    found, (_, highest) = [], bounds(body)
+    for i, without in zip(now.active, less, strict=True):
         others = [
-            (k, 2 * (now.loglik - f.loglik) + 2 * (CAUSES[k].weight - CAUSES[i].weight))
-            for (_, k, _), f in zip(close, fits, strict=True)
+            (k, 2.0 * (now.loglik - f.loglik) + 2.0 * (CAUSES[k].weight - CAUSES[i].weight))
+            for (place, k), f in tried
+            if place == i
         ]
-        found.append(
-            BodyFinding(i, gain, less, tuple(sorted(others, key=lambda o: o[1])), promised)
-        )
-    best = max(tried, key=body_score, default=None)
+        gain = 2.0 * (now.loglik - without.loglik)
+        ranked = tuple(sorted(others, key=lambda o: o[1]))
+        ends = bool(np.any(now.theta[list(INDEX[i])] >= highest[list(INDEX[i])]))
+        found.append(BodyFinding(i, gain, without, ranked, promised.get(i), ends))
+    best = max((f for _, f in tried), key=body_score, default=None)
     return tuple(sorted(found, key=lambda f: -f.gain)), best
+
+
+def _refitted(body: Body, starts: Sequence[tuple[K, Start]], **how: int) -> list[tuple[K, BodyFit]]:
+    """The fits from starts, each with what the start is told by."""
+    fits = refit_body(body, [start for _, start in starts], **how)
+    return [(key, fit) for (key, _), fit in zip(starts, fits, strict=True)]
 
 
 def at_fixed(found: BodySearch, number: int, value: float) -> float:
     """What a cause at a given value lacks, in twice the log-likelihood, against the final fit."""
     theta = found.final.theta.copy()
     theta[INDEX[number][0]] = value
-    return 2.0 * (found.final.loglik - moved(found.body, found.final, theta[None])[0].loglik)
+    return 2.0 * (found.final.loglik - float(logliks_at(found.body, found.final, theta[None])[0]))

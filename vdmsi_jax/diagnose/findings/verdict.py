@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from ..answer.result import Budget, Detectable, Diagnosis, Finding, Rival, Unexp
 from ..answer.words import apart, in_words, sentence, summary
 from ..body.body import ASKEW, CAUSES, CHANNELS
 from ..body.search import BodySearch, at_fixed, chained
+from ..residual.of_body import BodyLeft
 from ..residual.remains import Remains, unexplained
 from ..search.found import FEW, MARGIN, Search, output_of
 from ..search.judge import Scored, Trial, confirmed, gain_of
@@ -26,8 +27,8 @@ from .body_detectability import detectable_in_body
 from .body_naming import of_body
 from .budget import of_channel, of_path, of_turning
 from .channels import channel_scores, responses, units_of
-from .detectability import detectable
 from .extension import extended_model, plain_model
+from .looked import Looked
 from .merging import merged, of_yaw_rate
 from .minor import LITTLE, SLOW, SPOILS, Weighed, changes_somehow, crowd, overshadowed
 from .naming import Named, of_stage, with_form
@@ -45,9 +46,14 @@ class Evidence:
 
     records: Sequence[Record]
     runs: Runs
-    searches: Mapping[PlantSpec, Search]
+    plants: Mapping[PlantSpec, Looked]
     bodily: BodySearch | None
     unseen: tuple[str, ...]
+
+    @cached_property
+    def searches(self) -> dict[PlantSpec, Search]:
+        """What was found in each plant."""
+        return {spec: looked.search for spec, looked in self.plants.items()}
 
     def diagnosis(self) -> Diagnosis:
         """Confirm on data held out, rank, and look at what is left."""
@@ -55,7 +61,7 @@ class Evidence:
         if road is not None and road.ruined and self.bodily is not None and self.bodily.findings:
             return self._beside(road, self.bodily)
         models = (self.runs, self.searches, self.bodily)
-        remains = Remains.of(*models)
+        remains = self._remains()
         plain, extended = (channel_scores(*models[1:], extended=e) for e in (False, True))
         rounded = quantised(self.records, extended)
         trials = [(cause, self._trial(cause)) for cause in self._causes()]
@@ -112,10 +118,13 @@ class Evidence:
 
     def _detectable(self) -> tuple[Detectable, ...]:
         """What the logs would have shown, of the actuators and of the body."""
-        sizes: list[Detectable] = []
-        for spec, found in self.searches.items():
-            sizes += detectable(found.stage, found.final, units_of(self.records, spec))
+        sizes = [shown for looked in self.plants.values() for shown in looked.detectable]
         return (*sizes, *([] if self.bodily is None else detectable_in_body(self.bodily)))
+
+    def _remains(self) -> Remains:
+        """What all models leave."""
+        body = None if self.bodily is None else BodyLeft.of(self.runs, self.bodily)
+        return Remains.of({spec: looked.left for spec, looked in self.plants.items()}, body)
 
     def _weighed(
         self,

@@ -6,15 +6,11 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from ...config import PlantSpec
-from ..actuator.feedback import is_answered, trembles
 from ..answer.result import Unexplained
-from ..body.search import BodySearch
-from ..search.found import Search
-from ..signals.runs import Runs
 from ..signals.unexplained import BURSTS, SMALL
 from .families import HYSTERESIS, MEMORY, OF_STATES, PACE, PACE_BY_OTHER, STICKING
-from .leftover import leftover
-from .stand_ins import stand_ins
+from .of_body import BodyLeft
+from .of_plant import PlantLeft
 
 _SERIOUS, _MOSTLY = 0.05, 0.3  # share of structure in a residual that is spoken of, and that weighs
 _FEEBLE, _HARDLY = 0.025, 0.2  # size beside the response, and share, below which both structure is
@@ -79,18 +75,14 @@ class Remains:
     echoing: frozenset[str] = frozenset()
 
     @classmethod
-    def of(
-        cls, runs: Runs, searches: Mapping[PlantSpec, Search], bodily: BodySearch | None
-    ) -> "Remains":
-        """Look at what the model leaves."""
-        stages = {spec.output: (own.stage, own.final) for spec, own in searches.items()}
-        loops = {channel for channel, told in stages.items() if is_answered(*told)}
-        noisy = {c for c, (stage, _) in stages.items() if trembles(stage.u, stage.mask)}
-        echoing = frozenset(loops | noisy)
-        left = leftover(runs, searches, bodily, loops, echoing)
-        outdone = stand_ins(runs, searches, bodily)
+    def of(cls, plants: Mapping[PlantSpec, PlantLeft], body: BodyLeft | None) -> "Remains":
+        """What the models of the plants and of the body leave together."""
+        every = [*plants.values(), *([] if body is None else [body])]
+        left = [u for own in every for u in own.found]
+        outdone = [pair for own in every for pair in own.outdone]
         structure = _largest(u for u in left if not u.steady)
         left += [u for _, u in outdone if u.fraction > 0.0]
+        echoing = frozenset(spec.output for spec, own in plants.items() if own.echoing)
         return cls(tuple(left), tuple(f for f, _ in outdone), structure, echoing)
 
     @cached_property

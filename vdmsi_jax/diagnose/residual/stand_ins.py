@@ -1,6 +1,5 @@
 """Causes that were found, and only stand in for a kind of error that has no name in the library."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -23,40 +22,43 @@ _LEVEL = 0.5  # of what an offset gains, which no kind tells, since a plant has 
 _STILL = 0.3  # of what a cause does to a response, that it does at rest at the least
 
 
-def stand_ins(
-    runs: Runs, searches: Mapping[PlantSpec, Search], bodily: BodySearch | None
-) -> list[tuple[PlantFinding | BodyFinding, Unexplained]]:
-    """Causes that were found, and that a kind of error without a name tells better."""
-    found = []
-    for spec, own in searches.items():
-        stage, evenly = own.stage, evenly_of(runs, spec)
-        for finding in own.findings:
-            cause = stage.slots[finding.number].cause
-            kinds = weighed(*by_name(asked(spec, stage, own.without(finding).y, evenly)))
-            worth = finding.gain * (_LEVEL if cause == "offset" else 1.0)
-            better = better_than(cause, worth, kinds)
+def of_plant(runs: Runs, spec: PlantSpec, own: Search) -> list[tuple[PlantFinding, Unexplained]]:
+    """Causes that were found in a plant, and that a kind of error without a name tells better."""
+    stage, evenly, found = own.stage, evenly_of(runs, spec), []
+    for finding in own.findings:
+        cause = stage.slots[finding.number].cause
+        kinds = weighed(*by_name(asked(spec, stage, own.without(finding).y, evenly)))
+        worth = finding.gain * (_LEVEL if cause == "offset" else 1.0)
+        better = better_than(cause, worth, kinds)
+        if better is not None:
+            found.append((finding, _instead(spec.output, cause, better)))
+        elif pace := _pace(own, finding):
+            words = f"{pace} would explain it better than {cause}"
+            share = took(stage, finding, own.final)
+            left = Unexplained(spec.output, share, (spec.output,), (), words, share > PUZZLING)
+            found.append((finding, left))
+    return found
+
+
+def of_body(runs: Runs, bodily: BodySearch) -> list[tuple[BodyFinding, Unexplained]]:
+    """The same of the yaw rate."""
+    found: list[tuple[BodyFinding, Unexplained]] = []
+    if "r" not in bodily.body.measured:
+        return found
+    answers = {
+        f: weighed(*by_name(asked_of_body(runs, bodily.body, f.less))) for f in bodily.findings
+    }
+    for doubted in (False, True):
+        outdone = []
+        for finding, kinds in answers.items():
+            cause = CAUSES[finding.number].cause
+            better = better_than(cause, finding.gain, kinds, doubted=doubted)
             if better is not None:
-                found.append((finding, _instead(spec.output, cause, better)))
-            elif pace := _pace(own, finding):
-                words = f"{pace} would explain it better than {cause}"
-                share = took(stage, finding, own.final)
-                left = Unexplained(spec.output, share, (spec.output,), (), words, share > PUZZLING)
-                found.append((finding, left))
-    if bodily is not None and "r" in bodily.body.measured:
-        answers = {
-            f: weighed(*by_name(asked_of_body(runs, bodily.body, f.less))) for f in bodily.findings
-        }
-        for doubted in (False, True):
-            outdone = []
-            for finding, kinds in answers.items():
-                cause = CAUSES[finding.number].cause
-                better = better_than(cause, finding.gain, kinds, doubted=doubted)
-                if better is not None:
-                    outdone.append((finding, _instead("r", cause, better)))
-            if not outdone:
-                break
-            answers = {f: kinds for f, kinds in answers.items() if f not in dict(outdone)}
-            found += outdone
+                outdone.append((finding, _instead("r", cause, better)))
+        if not outdone:
+            break
+        answers = {f: kinds for f, kinds in answers.items() if f not in dict(outdone)}
+        found += outdone
     return found
 
 

@@ -82,10 +82,10 @@ def scores(
         along /= np.sqrt(np.sum(energy**2, axis=1) + 1e-300)
         slow = slow_part(e, dt)[:, mask]
         slow = slow - slow.mean(axis=1, keepdims=True)
-        squares = slow**2
-        rare = np.mean(squares**2, axis=1) / np.mean(squares, axis=1) ** 2
-        to_a_side = np.mean(slow**3, axis=1) / np.mean(squares, axis=1) ** 1.5
-        return np.stack([along, np.log(rare), to_a_side])
+        squares = slow * slow
+        second = squares.mean(axis=1)
+        third, fourth = (np.einsum("sn,sn->s", squares, x) / x.shape[1] for x in (slow, squares))
+        return np.stack([along, np.log(fourth / second**2), third / second**1.5])
 
     e = np.where(mask, e, 0.0)
     spectrum, others = np.fft.rfft(e, axis=1), []

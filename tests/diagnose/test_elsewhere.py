@@ -6,7 +6,7 @@ import pytest
 
 import made_up_diagnosis
 from vdmsi_jax.diagnose.answer.result import Diagnosis, Unexplained
-from vdmsi_jax.diagnose.residual.leftover import only_where_judged
+from vdmsi_jax.diagnose.residual.elsewhere import only_where_judged
 from vdmsi_jax.diagnose.signals.unexplained import BURSTS, WORSE
 
 
