@@ -38,9 +38,18 @@ def test_each_cares_for_overflows_as_who_asks(care):
         assert each(lambda _: np.geterr()["over"], range(4)) == [care] * 4
 
 
-def test_what_fails_in_a_thread_fails_where_it_was_asked():
+@pytest.mark.parametrize("items", [[1, 0], [0, 1], [0, 0, 0, 0], [0]])
+def test_what_fails_in_a_thread_fails_where_it_was_asked(items):
     with pytest.raises(ZeroDivisionError):
-        each(lambda k: 1 / k, [1, 0])
+        each(lambda k: 1 / k, items)
+    with pytest.raises(IndexError):
+        each(lambda k: [7][1 - k], items)
+
+
+def test_each_may_be_asked_for_within_each():
+    found = each(lambda k: sum(each(lambda j: j * k, range(5))), range(20))
+    assert found == [10 * k for k in range(20)]
+    assert each(abs, []) == []
 
 
 @pytest.mark.skipif(AT_ONCE < 2, reason="one processor does one thing at a time")

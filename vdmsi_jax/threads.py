@@ -1,8 +1,9 @@
 """Threads: who may use the processors while this package computes."""
 
 import os
+from collections import deque
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import AbstractContextManager
 from functools import cache
 from typing import Any, TypeVar
@@ -33,17 +34,30 @@ def each(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
     """What a function makes of every item, side by side, in the precision of the thread that asks,
     and with its care for overflows and the like.
 
-    All who ask share the same threads, so the function must not ask again.
+    The thread that asks works as well, and all who ask share the threads that help.
     """
-    if len(items) < 2:
-        return [function(item) for item in items]
     double, care = bool(_SETTINGS.jax_enable_x64), np.geterr()
+    left, found = deque(range(len(items))), dict[int, R]()
 
-    def run(item: T) -> R:
+    def work() -> None:
         with jax.enable_x64(double), np.errstate(**care):  # both are a thread's own
-            return function(item)
+            while True:
+                try:
+                    number = left.popleft()
+                except IndexError:  # all are taken
+                    return
+                found[number] = function(items[number])
 
-    return list(_pool().map(run, items))
+    helpers = [_pool().submit(work) for _ in range(min(AT_ONCE, len(items)) - 1)]
+    try:
+        work()
+    finally:
+        left.clear()
+        helping = [helper for helper in helpers if not helper.cancel()]
+        wait(helping)
+    for helper in helping:
+        helper.result()
+    return [found[number] for number in range(len(items))]
 
 
 @cache

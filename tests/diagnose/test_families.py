@@ -11,6 +11,7 @@ from vdmsi_jax.diagnose.residual.families import (
     explained,
     of_body,
     of_plant,
+    of_swing,
     plays,
     weighed,
 )
@@ -181,6 +182,21 @@ def test_a_cause_gives_way_to_a_memory_that_is_most_of_the_error_of_which_its_ki
         ("transport_delay", 2.0 * memory.statistic, None),  # of no kind
     ):
         assert better_than(cause, gain, found) is better, cause
+
+
+@pytest.mark.parametrize("of_gain", [True, False])
+def test_a_swing_gives_way_to_a_gain_that_swings(of_gain):
+    """A compressor that cycles makes a cylinder stronger and weaker, and adds nothing to it."""
+    rng = np.random.default_rng(9)
+    y = 1.0 + lagged(steps(rng), 0.2)
+    wave = np.sin(2.0 * np.pi * 0.06 * (T + np.array([[0.0], [4.0], [9.0]])))
+    error = 0.2 * (wave * y if of_gain else wave) + noise(rng)
+    angle = 2.0 * np.pi * 0.06 * T[0]
+    kinds = of_swing(y, np.stack([np.sin(angle), np.cos(angle)]), "y")
+    linear = np.stack([np.ones_like(y), y])
+    found = weighed(error, linear, kinds, MASK, np.zeros_like(MASK), DT)
+    better = better_than("periodic_disturbance", 0.0, found)
+    assert (better is not None) is of_gain
 
 
 def test_what_the_form_of_a_known_cause_leaves_is_told_of_its_kind():

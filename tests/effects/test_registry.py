@@ -13,6 +13,8 @@ from vdmsi_jax.effects import ACTUATOR, AbstractEffect, Signals
 from vdmsi_jax.effects.base import PORTS
 from vdmsi_jax.effects.dead_zone import DeadZone
 from vdmsi_jax.effects.gain_asymmetry import GainAsymmetry
+from vdmsi_jax.effects.regime_change import RegimeChange
+from vdmsi_jax.effects.saturation import Saturation
 from vdmsi_jax.models.extended_plant import respond
 from vdmsi_jax.models.observer_form import observer
 from vdmsi_jax.parameters import parameters, with_values
@@ -47,6 +49,15 @@ def test_a_dead_zone_is_the_same_both_ways_before_the_gain_differs():
     for effect in sorted((gain, zone), key=lambda effect: order.index(label(effect))):
         u = effect.command(u, Signals.plain(4, 0.1))
     np.testing.assert_allclose(u, [-0.3, 0.0, 0.0, 0.6])
+
+
+def test_a_limit_of_the_command_stays_where_it_is_when_the_gain_behind_it_changes():
+    """A valve whose command is cut off at 0.3, and a hose that leaks from 0.15 s on."""
+    limit, leak = Saturation(1 / 0.3, 1 / 0.3), RegimeChange(0.15, -0.2)
+    u, order = jnp.array([0.2, 0.5, 0.5, 0.2]), [label(effect) for effect in ACTUATOR]
+    for effect in sorted((leak, limit), key=lambda effect: order.index(label(effect))):
+        u = effect.command(u, Signals.plain(4, 0.1))
+    np.testing.assert_allclose(u, [0.2, 0.3, 0.24, 0.16], rtol=1e-6)
 
 
 @every_effect

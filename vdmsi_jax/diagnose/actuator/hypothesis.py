@@ -265,7 +265,7 @@ def unlikely(stage: Stage, lane: Lane, theta: np.ndarray) -> float:
 def project(stage: Stage, lane: Lane, rows: Float[np.ndarray, "q R N"]) -> Float[np.ndarray, "q q"]:
     """Products of white rows, what the best free states of each run explain taken out."""
     prior = _prior(stage, lane) * np.eye(lane.white_states.shape[1])
-    own, f = np.swapaxes(rows, 0, 1), lane.white_states * stage.mask[:, None]
+    own, f = np.swapaxes(rows, 0, 1), lane.white_states
     across, turned = own @ np.swapaxes(f, 1, 2), np.swapaxes(own, 1, 2)
     states = np.linalg.solve(f @ np.swapaxes(f, 1, 2) + prior, np.swapaxes(across, 1, 2))
     return np.sum(own @ turned - across @ states, axis=0)
@@ -279,13 +279,13 @@ def repaint(stage: Stage, lane: Lane) -> None:
         lane.white_slopes = whitened(stage, lane, lane.slopes)
 
 
-def white_states(stage: Stage, lane: Lane) -> Float[np.ndarray, "one_or_R n N"]:
-    """Responses to the states at the starts, whitened; run by run where the first samples of some
-    do not count: the residual is zero there, and so are they."""
+def white_states(stage: Stage, lane: Lane) -> Float[np.ndarray, "R n N"]:
+    """Responses to the states at the starts, whitened, where samples count; zero before the first
+    that does, as the residual is."""
     rows = lane.states.T[None]
     if stage.late.any():
         rows = np.where(np.maximum.accumulate(stage.mask, axis=1)[:, None], rows, 0.0)
-    return whiten(rows[None], lane.colour[None])[0]
+    return whiten(rows[None], lane.colour[None])[0] * stage.mask[:, None]
 
 
 def with_states(stage: Stage, lane: Lane) -> Float[np.ndarray, "R N"]:
@@ -296,7 +296,7 @@ def with_states(stage: Stage, lane: Lane) -> Float[np.ndarray, "R N"]:
 def free_states(stage: Stage, lane: Lane) -> Float[np.ndarray, "R n"]:
     """The states at the start of each run that fit best."""
     prior = _prior(stage, lane) * np.eye(lane.white_states.shape[1])
-    f = lane.white_states * stage.mask[:, None]
+    f = lane.white_states
     toward = f @ lane.white_error[..., None]
     return np.linalg.solve(f @ np.swapaxes(f, 1, 2) + prior, toward)[..., 0]
 

@@ -105,10 +105,13 @@ def refit(
 def _lanes(stage: Stage, hypotheses: Sequence[Hypothesis]) -> list[Lane]:
     order = filter_length(stage.dt, int(stage.mask.sum()))
     start = responses(stage, hypotheses)
-    return [
+    lanes = [
         Lane(h, h.free(stage), y, states_of(stage, h), np.zeros(order))
         for h, y in zip(hypotheses, start, strict=True)
     ]
+    for lane in lanes:
+        repaint(stage, lane)
+    return lanes
 
 
 def _fitted(
@@ -280,7 +283,6 @@ def _move(
 def _recolour(stage: Stage, lanes: list[Lane]) -> None:
     """Estimate the colour of every lane's residual, free states taken out."""
     for lane in lanes:
-        repaint(stage, lane)
         _swung(stage, lane)
     left = np.stack([residual(stage, with_states(stage, lane)) for lane in lanes])
     colours = stage.noise.colours(left, stage.mask, lanes[0].colour.size)

@@ -182,6 +182,23 @@ def of_plant(
     return linear, found
 
 
+def of_swing(
+    y: Float[np.ndarray, "R N"], wave: Float[np.ndarray, "2 N"], response: str
+) -> list[Family]:
+    """What a swing adds, and a gain that swings: each run has its own phase.
+
+    Args:
+        y: simulated response; `response`: its name.
+        wave: sine and cosine at the frequency.
+    """
+    runs = np.eye(len(y))[:, None, :, None]  # one of them, and the others zero
+    own = (runs * wave[:, None]).reshape(-1, *y.shape)
+    return [
+        _family("a swing", ["t"], list(own), ("periodic_disturbance",)),
+        _family("a gain that swings", ["t", response], list(own * y)),
+    ]
+
+
 def of_body(
     v: Float[np.ndarray, "R N"],
     delta: Float[np.ndarray, "R N"],
@@ -321,17 +338,23 @@ def _is_memory(kind: Explained, gain: float, own: Sequence[Explained]) -> bool:
 
 
 def plays(x: Float[np.ndarray, "R N"], halves: Sequence[float]) -> Float[np.ndarray, "k R N"]:
-    """Outputs of plays of some half widths: sums of them approach any hysteresis.
+    """Outputs of plays of some half widths: sums of them approach any hysteresis. A step holds the
+    output between two bounds, and so do several steps at once: after the first pass of two, then
+    of four.
 
-    Source: Brokate and Sprekels, Hysteresis and Phase Transitions (1996), section 2.3.
+    Source: Brokate and Sprekels, Hysteresis and Phase Transitions (1996), section 2.3; Hillis and
+    Steele, Data parallel algorithms (1986), for sums by passes.
     """
-    half = np.asarray(halves)[:, None]
-    out = np.empty((len(half), *x.shape))
-    now = np.repeat(x[None, :, 0], len(half), axis=0)
-    for k in range(x.shape[1]):
-        now = np.minimum(np.maximum(now, x[:, k] - half), x[:, k] + half)
-        out[:, :, k] = now
-    return out
+    half = np.asarray(halves)[:, None, None]
+    low, high = x - half, x + half
+    step = 1
+    while step < x.shape[1]:
+        later = low[..., step:], high[..., step:]
+        ends = [np.clip(bound[..., :-step], *later) for bound in (low, high)]
+        low, high = low.copy(), high.copy()
+        low[..., step:], high[..., step:] = ends
+        step *= 2
+    return np.clip(x[:, :1], low, high)
 
 
 def _squares(

@@ -4,13 +4,14 @@ with what stands beside them."""
 import numpy as np
 
 from ...config import PlantSpec
+from ..actuator import swing
 from ..actuator.stage import Stage
 from ..body.body import Body
 from ..body.fit import BodyFit, residual
 from ..signals.angle import derived, steering_angle
 from ..signals.runs import Runs
 from ..signals.windows import thinned
-from .families import Family, of_body, of_plant
+from .families import Family, of_body, of_plant, of_swing
 
 _MANY = 30_000  # samples, beyond which kinds of error are asked by means of several
 
@@ -18,11 +19,17 @@ Question = tuple[np.ndarray, np.ndarray, list[Family], np.ndarray, np.ndarray, f
 
 
 def asked(
-    spec: PlantSpec, stage: Stage, y: np.ndarray, evenly: np.ndarray | float = 1.0
+    spec: PlantSpec,
+    stage: Stage,
+    y: np.ndarray,
+    evenly: np.ndarray | float = 1.0,
+    frequency: float | None = None,
 ) -> Question:
     """What to ask `families.weighed` about a plant whose model responds with `y`; `evenly` makes
     its noise as large everywhere. The command is that of the row before, since a controller may
-    have made that of the row itself of the row's noise."""
+    have made that of the row itself of the row's noise. With a `frequency`, Hz, what swings so is
+    asked alone, of what was fitted: each run has its own phase.
+    """
     e = np.where(stage.mask | stage.held_out, stage.y - y, 0.0) * evenly
     given = np.concatenate([stage.u[:, :1], stage.u[:, :-1]], axis=1)
     other, t = (np.asarray(x) for x in (stage.signals.other, stage.signals.t))
@@ -34,6 +41,9 @@ def asked(
     dt = every * stage.dt
     named, span = (spec.input, spec.output), stage.scales.time_constant
     linear, families = of_plant(u, y, other, t, named, mask, dt, span)
+    if frequency is not None:
+        families = of_swing(y, thinned(swing.columns(stage, frequency), every), spec.output)
+        held_out = np.zeros_like(held_out)
     return e, linear * weights, [f.times(weights) for f in families], mask, held_out, dt
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...config import PlantSpec
+from ..actuator import swing
 from ..actuator.hypothesis import Refit, responses, without
 from ..actuator.lanes import LEADS
 from ..actuator.stage import Stage
@@ -27,9 +28,13 @@ def of_plant(runs: Runs, spec: PlantSpec, own: Search) -> list[tuple[PlantFindin
     stage, evenly, found = own.stage, evenly_of(runs, spec), []
     for finding in own.findings:
         cause = stage.slots[finding.number].cause
-        kinds = weighed(*by_name(asked(spec, stage, own.without(finding).y, evenly)))
+        y = own.without(finding).y
+        kinds = weighed(*by_name(asked(spec, stage, y, evenly)))
         worth = finding.gain * (_LEVEL if cause == "offset" else 1.0)
         better = better_than(cause, worth, kinds)
+        if better is None and cause == swing.CAUSE:
+            frequency = own.final.hypothesis.frequency(stage)
+            better = better_than(cause, 0.0, weighed(*asked(spec, stage, y, evenly, frequency)))
         if better is not None:
             found.append((finding, _instead(spec.output, cause, better)))
         elif pace := _pace(own, finding):

@@ -85,7 +85,8 @@ class Chain:
         """Integral over the window of a pose increment."""
         total = np.concatenate([np.zeros((len(x), 1)), np.cumsum(x, axis=1)], axis=1) * self.dt
         n = x.shape[1]
-        return total[:, np.minimum(np.arange(n) + self.window, n)] - total[:, :n]
+        beyond = np.repeat(total[:, -1:], min(self.window, n + 1) - 1, axis=1)
+        return np.concatenate([total[:, self.window :], beyond], axis=1) - total[:, :n]
 
     def _drifted(self, turn: np.ndarray) -> np.ndarray:
         """Way aside over a window by a yaw rate too much."""
@@ -113,6 +114,6 @@ def regress(
         return np.zeros(len(X))
     size = np.sqrt(np.mean(X**2, axis=1))
     scale = np.where(size > 0, size, 1.0)
-    gram = (X / scale[:, None]) @ (X / scale[:, None]).T
+    unit = X / scale[:, None]
     ridge = 1e-8 * X.shape[1] * np.eye(len(X))
-    return np.linalg.solve(gram + ridge, (X / scale[:, None]) @ e) / scale
+    return np.linalg.solve(unit @ unit.T + ridge, unit @ e) / scale
