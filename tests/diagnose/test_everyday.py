@@ -62,6 +62,14 @@ def test_a_body_that_turns_the_same_but_for_a_per_cent_does_not_understeer(gradi
     assert is_everyday(found, DRIVES, 0.0) is nothing
 
 
+@pytest.mark.parametrize("cause", ["geometry_scale", "speed_scale"])
+@pytest.mark.parametrize(
+    ("scale", "points", "nothing"), [(-0.002, 0.1, True), (0.02, 0.1, False), (0.008, 0.5, False)]
+)
+def test_no_base_or_wheel_is_known_better_than_to_a_per_cent(cause, scale, points, nothing):
+    assert is_everyday(of_a_car(cause, "vehicle", scale, points), DRIVES, 0.0) is nothing
+
+
 @pytest.mark.parametrize(
     ("where", "statistic", "after", "nothing"),
     [
@@ -73,6 +81,6 @@ def test_a_body_that_turns_the_same_but_for_a_per_cent_does_not_understeer(gradi
 )
 def test_a_body_that_is_slightly_another_is_every_vehicle(where, statistic, after, nothing):
     own = Gain("psi", 98.3, after, 0.1, mse_before=0.03, mse_after=0.025)
-    seen = {"scale": Estimate(-0.003, 0.0005, "1")}
+    seen = {"scale": Estimate(-0.012, 0.0005, "1")}
     told = replace(finding("speed_scale", 0.2), where=where, parameters=seen, gain=own)
     assert is_everyday(replace(told, statistic=statistic), RUNS, 0.0) is nothing

@@ -7,7 +7,7 @@ import pytest
 
 from vdmsi_jax.diagnose.actuator.hypothesis import Hypothesis, Refit
 from vdmsi_jax.diagnose.answer.result import Estimate, Rival
-from vdmsi_jax.diagnose.findings.body_naming import as_offset, or_bank
+from vdmsi_jax.diagnose.findings.body_naming import as_offset, or_bank, or_wheels
 from vdmsi_jax.diagnose.findings.merging import merged
 from vdmsi_jax.diagnose.findings.naming import (
     Named,
@@ -139,3 +139,9 @@ def test_a_small_offset_of_the_wheels_may_be_a_road_that_leans(bias, leans):
     """Where no pose tells whether the vehicle slips down it; no road leans by a tenth."""
     wheels = named("offset", "vehicle", bias=(bias, 0.0001))
     assert [r.cause for r in or_bank(wheels).rivals] == ["bank"] * leans
+
+
+@pytest.mark.parametrize(("cause", "alike"), [("geometry_scale", True), ("understeer", False)])
+def test_another_wheelbase_may_be_other_wheels_where_no_pose_is(cause, alike):
+    told = or_wheels(named(cause, "vehicle", scale=(0.05, 0.001)))
+    assert [(r.cause, r.indistinguishable) for r in told.rivals] == [("speed_scale", True)] * alike

@@ -15,6 +15,9 @@ from ..body.search import BodySearch
 from ..search.found import MARGIN
 from .naming import CLEAR, Named, one_each
 
+SEEN_BY_POSE = frozenset({"bank", "speed_scale"})
+"""Causes that may stand in for others where no pose is, and that a pose tells from these."""
+
 _LEANS = 0.1  # slope to a side, beyond which no road leans all the way
 
 
@@ -44,8 +47,10 @@ def of_body(search: BodySearch) -> list[Named]:
             one_each(rivals),
             body=finding,
         )  # fmt: skip
-        blind = finding.number == ASKEW and "psi" not in search.body.measured
-        found.append(or_bank(named) if blind else as_offset(named))
+        if "psi" in search.body.measured:
+            found.append(as_offset(named))
+        else:
+            found.append(or_bank(named) if finding.number == ASKEW else or_wheels(named))
     return found
 
 
@@ -55,6 +60,14 @@ def or_bank(cause: Named) -> Named:
     if abs(cause.parameters["bias"].value) > STEEPEST * _LEANS:
         return cause
     return replace(cause, rivals=(Rival("bank", cause.where, 0.0, True), *cause.rivals))
+
+
+def or_wheels(cause: Named) -> Named:
+    """Another wheelbase that wheels of another size could make as well, where no pose tells how far
+    the vehicle has come: the yaw rate has the speed over the base."""
+    if cause.cause != "geometry_scale":
+        return cause
+    return replace(cause, rivals=(Rival("speed_scale", cause.where, 0.0, True), *cause.rivals))
 
 
 def as_offset(cause: Named) -> Named:

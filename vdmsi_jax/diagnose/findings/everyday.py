@@ -12,7 +12,7 @@ _SLIGHT, _SLIGHT_POINTS = 60.0, 0.3  # twice the log-likelihood and FIT, below w
 # the body, the road or a sensor is what no vehicle is without
 _DOUBTFUL = 0.05  # share of a cause that makes the path no better, below which it is minor
 _BUS, _LATE = 0.02, 2.5  # s and points of FIT, below which both a delay is every bus's
-_SAME = 0.01  # of a yaw rate, that no body is known better by
+_SAME = 0.01  # of a yaw rate, a wheelbase or a wheel, that no body is known better by
 _DRAGGED, _DRAG = 0.5, 0.25  # points of FIT and share, below which both a speed that falls in bends
 # and leaves the path as it was is every vehicle's: of a physics engine's cars up to 0.28 and 0.15
 _TURNS = 0.1  # s, below which a body's lag by its inertia is every vehicle's
@@ -69,6 +69,11 @@ def _other_body(found: Finding, runs: Runs, part: float) -> bool:
     return same and _points(found) < _SLIGHT_POINTS
 
 
+def _other_wheels(found: Finding, runs: Runs, part: float) -> bool:
+    """Of a size or a base that is known to this."""
+    return abs(_size(found)) < _SAME and _points(found) < _SLIGHT_POINTS
+
+
 def _slow_in_bends(found: Finding, runs: Runs, part: float) -> bool:
     """By a little, which does not show on the road."""
     if found.where != "powertrain":
@@ -111,6 +116,8 @@ _OWN: dict[str, Callable[[Finding, Runs, float], bool]] = {
     "sensor_lag": _late_sensor,
     "tyre_relaxation": _short_tyres,
     "understeer": _other_body,
+    "geometry_scale": _other_wheels,
+    "speed_scale": _other_wheels,
     "cross_coupling": _slow_in_bends,
     "yaw_inertia": _slow_to_turn,
     "transport_delay": _bus,

@@ -24,7 +24,7 @@ from ..search.judge import Scored, Trial, confirmed, gain_of
 from ..signals.angle import steering_angle
 from ..signals.runs import Runs
 from .body_detectability import detectable_in_body
-from .body_naming import of_body
+from .body_naming import SEEN_BY_POSE, of_body
 from .budget import of_channel, of_path, of_turning
 from .channels import channel_scores, responses, units_of
 from .extension import extended_model, plain_model
@@ -283,6 +283,9 @@ class Evidence:
 
     def _experiment(self, cause: Named, rivals: Sequence[Rival]) -> str:
         if cause.body is not None:
+            posed = self.bodily is not None and "psi" in self.bodily.body.measured
+            if not posed and all(r.cause in SEEN_BY_POSE for r in rivals):
+                return _POSE
             return better(CAUSES[cause.body.number].effect, [r.cause for r in rivals])
         assert cause.search is not None and cause.finding is not None
         for k, _ in cause.finding.others:
@@ -393,6 +396,8 @@ def _chi_squared(statistic: float, freedom: int) -> float:
     terms = [x ** (i + 0.5) / math.gamma(i + 1.5) for i in range(k // 2)]
     return tail + (math.exp(-x) * sum(terms) if x < 700 else 0.0)
 
+
+_POSE = "log the pose beside the yaw rate: it tells how far the vehicle has come, and where to"
 
 _SENSOR = (
     "log the yaw rate and the pose beside this channel: a sensor's fault is not seen in them, "

@@ -140,6 +140,12 @@ def _search(stage: Stage, may_step: bool = False) -> Search:
         found = _whole(whole, stage, plain, grid, now, findings)
         worst = _failing(found)
         if worst is not None:  # before what could stand in its place, which takes long
+            smaller = _in_smaller_plant(found, now, seen)
+            if smaller is not None and path.may_swap(smaller.hypothesis.kind):
+                path.swap(smaller.hypothesis.kind)
+                path.swapped.add(now.hypothesis.kind)
+                now = smaller
+                continue
             path.failed.append(Failed(found.findings[worst], found.final))
             path.swaps, again = 0, None
             if len(path.failed) <= _AGAIN:
@@ -184,6 +190,28 @@ def _failing(found: Search) -> int | None:
     if not worth or (min(worth) > 0.0 and not _worse(against, found.stage)):
         return None
     return _first_out(found.findings, worth)
+
+
+def _in_smaller_plant(found: Search, now: Refit, seen: Mapping[tuple, Refit]) -> Refit | None:
+    """The same causes in the best smaller plant that is worth more with them than the plain one,
+    and with which data held out bear them out: a large one may have learnt what they do."""
+    whole, size = found.stage, sum(order_of(now.hypothesis))
+    stage, least = whole.fitting, score(whole.fitting, found.plain)
+    if whole.held_out.sum() <= FEW:
+        return None
+    fits = [
+        f
+        for f in seen.values()
+        if f.hypothesis.active == now.hypothesis.active
+        if sum(order_of(f.hypothesis)) < size and score(stage, f) > least
+    ]
+    for f in sorted(fits, key=lambda f: -score(stage, f)):
+        scored = Scored.of_stage(whole, found.plain, completed(whole, [f])[0])
+        taken, learnt = (scored.taken(use) for use in (whole.held_out, whole.mask))
+        sure = gain_of(scored, whole.held_out, True, whole.dt).sureness > SURE
+        if sure and taken > _MUCH and taken > _BORNE_OUT * learnt:
+            return f
+    return None
 
 
 def _first_out(findings: Sequence[PlantFinding], worth: Sequence[float]) -> int:
