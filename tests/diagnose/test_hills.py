@@ -1,5 +1,7 @@
 """Hills, which a slow line or nothing at all would be told for."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,11 +9,13 @@ import vdmsi_jax as vj
 from vdmsi_jax.diagnose.actuator import hypothesis
 from vdmsi_jax.diagnose.actuator.hypothesis import responses, sensitivities
 from vdmsi_jax.diagnose.actuator.lanes import LEADS
+from vdmsi_jax.diagnose.actuator.outcome import completed
 from vdmsi_jax.diagnose.actuator.refit import refit
 from vdmsi_jax.diagnose.actuator.starts import errs_slowly, hilly
 from vdmsi_jax.diagnose.prepare import stage_of
 from vdmsi_jax.diagnose.search.baseline import baselines
-from vdmsi_jax.diagnose.search.search import search
+from vdmsi_jax.diagnose.search.found import Search
+from vdmsi_jax.diagnose.search.search import _in_smaller_plant, search
 from vdmsi_jax.diagnose.signals.runs import lay_out
 
 POWERTRAIN = vj.PlantSpec("powertrain", "v_cmd", "v")
@@ -73,6 +77,21 @@ def test_hills_are_fitted_from_a_level_road(road):
     assert errs_slowly(stage, plants[2, 0])
     (fit,) = refit(stage, hilly(stage, plants[2, 0].hypothesis))
     assert fit.error(stage) < 0.15 * plants[2, 0].error(stage)
+
+
+@pytest.mark.parametrize("borne_out", [True, False])
+def test_hills_that_fail_in_a_large_plant_are_asked_of_a_smaller_one(road, borne_out):
+    """If data held out bear them out: a large plant may have learnt what they do."""
+    stage, plants = road
+    (small,) = refit(stage, hilly(stage, plants[2, 0].hypothesis))
+    large = replace(small, hypothesis=replace(small.hypothesis, poles=4, zeros=2))
+    logs = [drive(1, 1.0), drive(2, 1.0), drive(3, 1.0 if borne_out else 0.0)]
+    whole = stage_of(lay_out(logs), POWERTRAIN)
+    (plain,) = completed(whole, [plants[2, 0]])
+    found = Search(whole, plain, plain, plain, ())
+    seen = {f.hypothesis.kind: f for f in (plants[2, 0], small, large)}
+    assert _in_smaller_plant(found, large, seen) is (small if borne_out else None)
+    assert _in_smaller_plant(found, small, seen) is None  # which has failed itself
 
 
 @pytest.mark.slow

@@ -1,10 +1,12 @@
 """Which causes that the data support do not matter."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from vdmsi_jax.diagnose.actuator.hypothesis import Refit
 from vdmsi_jax.diagnose.answer.result import Estimate
 from vdmsi_jax.diagnose.body.fit import BodyFit
 from vdmsi_jax.diagnose.body.search import BodyFinding
@@ -17,7 +19,8 @@ from vdmsi_jax.diagnose.findings.minor import (
 )
 from vdmsi_jax.diagnose.search.found import PlantFinding, Search
 from vdmsi_jax.diagnose.signals.noise import BriefNoise, OwnNoise
-from weighed_causes import SCORE, SPEC, WEIGHING, finding, judged, named, searched, trial
+from vdmsi_jax.effects.regime_change import RegimeChange
+from weighed_causes import RUNS, SCORE, SPEC, WEIGHING, finding, judged, named, searched, trial
 
 
 @pytest.mark.parametrize(("least", "part"), [(0.2, True), (0.0, False)])
@@ -237,6 +240,25 @@ def test_of_what_only_brief_noise_shows_little_mends_what_takes_more():
     assert minor == [False, True]
     alone = Weighed(weighing, second, *trials[1][1], tried[1:]).why_minor()
     assert not alone  # what leads is told, however little it takes beside the others
+
+
+@pytest.mark.parametrize(
+    ("at", "over", "minor"),
+    [(0.04, "run", True), (0.97, "run", True), (0.3, "run", False), (0.04, "session", False)],
+)
+def test_a_change_as_the_runs_begin_or_end_is_what_warms_up(at, over, minor):
+    search = searched(OwnNoise())
+    slot = SimpleNamespace(effect=RegimeChange(over=over))
+    object.__setattr__(search.stage, "slots", (slot,))
+    nowhere = object.__new__(Refit)
+    finding = PlantFinding(0, 160.0, nowhere)
+    change = replace(named("regime_change", search=search), finding=finding)
+    trial, told = judged(change, 89.5, 91.8)
+    sizes = {"time": Estimate(at * RUNS.longest, 0.1, "s"), "gain": Estimate(-0.2, 0.01, "1")}
+    told = replace(told, parameters=sizes)
+    why = Weighed(WEIGHING, change, trial, told, [(change, trial)]).why_minor()
+    assert ("begin" in why) is minor
+    assert changes_somehow(told, why) is minor
 
 
 @pytest.mark.parametrize(

@@ -103,6 +103,19 @@ def test_a_steering_whose_measurement_stands_still_hides_a_lag_of_the_body(chann
 
 
 @pytest.mark.parametrize(
+    ("cause", "channel", "share", "stands"),
+    [("sensor_lag", "v", 0.19, True), ("sensor_delay", "v", 0.19, True),
+     ("sensor_lag", "r", 0.19, False), ("sensor_bias", "v", 0.19, False),
+     ("sensor_lag", "v", 0.05, False)],
+)  # fmt: skip
+def test_messages_that_freeze_now_and_then_are_no_lag_of_their_sensor(
+    cause, channel, share, stands
+):
+    remains = Remains((Unexplained("v", share, ("t",), kind=BURSTS),), ())
+    assert remains.stands_still(cause, channel) is stands
+
+
+@pytest.mark.parametrize(
     ("kind", "cause", "share", "of_form"),
     [
         (PACE, "rate_limit", 0.08, True),  # its corner is another

@@ -23,6 +23,8 @@ LITTLE = "it takes little of the error"
 SPOILS = "the path gets worse with it"
 SLOW = "any slow error has such a part"
 """Of what changes with time, or is there all the time."""
+BEGINS = "it is there only as the runs begin or end, as what warms up is"
+"""Of a change of regime."""
 
 _POINTS, _CERTAIN = 2.0, 500.0  # of FIT, and of twice the log-likelihood: from either one, or from
 # `MUCH` of what all others leave, a cause matters however small it is beside them; of eight blind
@@ -45,6 +47,8 @@ _PUZZLE = 0.1  # share of the error without a cause that must puzzle beside it, 
 _AGING = frozenset({"gain_drift", "regime_change"})
 _CHANGED = 4.5  # standard errors of these, below which they are minor beside a steady slow error:
 # the hunt's and ten exams' right ones had from 5.2, but for one beside none, wrong ones 3.3 and 3.5
+_EDGE = 0.08  # of the longest run, that a change lies before or behind: of fourteen exams right
+# ones lay from 0.28 to 0.56, a motor that warms up at 0.04
 _PERIODS = 6.0  # in the longest run, of a periodic disturbance beside what nothing explains
 _EXACT = 20.0  # standard errors, from which on the size of a delay is known beside slow errors
 _TAKEN = 0.4  # share, below which a cause that only brief noise shows may mend what is slow
@@ -176,6 +180,17 @@ def _is_slow(of: Weighed) -> bool:
     return of.found.parameters["frequency"].value * of.weighing.runs.longest < _PERIODS
 
 
+def _only_begins(of: Weighed) -> bool:
+    """Whether a change lies at the edge of the runs that it is counted in."""
+    search, finding = of.cause.search, of.cause.finding
+    if of.found.cause != "regime_change" or search is None or finding is None:
+        return False
+    if getattr(search.stage.slots[finding.number].effect, "over", "run") != "run":
+        return False
+    at = of.found.parameters["time"].value / of.weighing.runs.longest
+    return not _EDGE < at < 1.0 - _EDGE
+
+
 def _is_imitated(of: Weighed) -> bool:
     return of.trial.gain.typical <= 0.0 and of.weighing.imitated(of.cause, of.trial.gain)
 
@@ -238,6 +253,7 @@ RULES: tuple[tuple[str, Callable[[Weighed], bool]], ...] = (
     ("data held out do not bear it out surely enough beside what is left", _is_not_borne_out),
     ("what it leaves unexplained is more than it takes", _leaves_more),
     (SLOW, _is_slow),
+    (BEGINS, _only_begins),
     ("poles and zeros tell it as well", _is_imitated),
     ("its size is lost in its standard error", _has_no_size),
     ("it goes as far as is tried, and leaves much", _ends),
@@ -285,9 +301,10 @@ def _unsure(found: Finding) -> bool:
 
 
 def changes_somehow(found: Finding, why: str) -> bool:
-    """Whether a change with time that is minor as part of what is slow takes so much that there is
-    one all the same."""
-    return why == SLOW and found.cause in _AGING and found.share > _STRONG
+    """Whether a change with time that is minor as part of what is slow, or of how runs begin, takes
+    so much that there is one all the same."""
+    least = {SLOW: _STRONG, BEGINS: _LITTLE}.get(why, np.inf)
+    return found.cause in _AGING and found.share > least
 
 
 def _vague(cause: Named, found: Finding) -> bool:

@@ -359,7 +359,8 @@ def _lost(cause: Named, found: Finding, remains: Remains, channel: str, share: f
         return "a controller makes the commands, which may know what else is wrong"
     # that the vehicle moves faster than its speed says is told by that sensor, too
     sensor = "v" if cause.cause == "speed_scale" else cause.channel
-    if cause.where in ("sensor", "vehicle") and sensor in remains.dropping:
+    stands_still = remains.stands_still(found.cause, cause.channel)
+    if stands_still or (cause.where in ("sensor", "vehicle") and sensor in remains.dropping):
         return "its sensor drops out"
     return ""
 

@@ -43,6 +43,10 @@ _BY_PACE, _BY_MEMORY = 0.01, 0.01  # likewise these: beside wrong names from 0.0
 _PACED_LIMIT = 0.1  # a limit that is not sharp leaves such, too: a right one 0.073, wrong from 0.13
 _LINE = 0.5  # share of a line beside structure: of the hunt and eight exams no right one had less
 _LAGS_OF_BODY = ("tyre_relaxation", "yaw_inertia", "sensor_lag", "sensor_delay")
+_NOW_AND_THEN = (
+    0.1  # share of what is left of a channel, in short windows, beside which a lag of its
+)
+# sensor is that: of fourteen exams no right one had any, messages that freeze 0.19
 _LAGGING = 0.3  # share of what is left of an actuator, that its changing lag is beside such a lag
 _BENDS = ("gain_nonlinearity", "saturation", "gain_asymmetry", "drag")
 _OF_STATES = (*_BENDS, "rate_limit", "dead_zone", "coulomb_friction", "backlash")
@@ -153,7 +157,16 @@ class Remains:
     @cached_property
     def dropping(self) -> set[str]:
         """Channels whose measurement drops out."""
-        return {u.channel for u in self.structure if u.kind == BURSTS and u.fraction > _MOSTLY}
+        return self._in_bursts(_MOSTLY)
+
+    def stands_still(self, cause: str, channel: str | None) -> bool:
+        """Whether the lag of a sensor may be that of a measurement that stands still now and then,
+        as of messages that freeze."""
+        return cause in ("sensor_lag", "sensor_delay") and channel in self._in_bursts(_NOW_AND_THEN)
+
+    def _in_bursts(self, least: float) -> set[str]:
+        """Channels of which short windows are more than a share."""
+        return {u.channel for u in self.structure if u.kind == BURSTS and u.fraction > least}
 
     @cached_property
     def _beyond(self) -> list[Unexplained]:
