@@ -1,7 +1,7 @@
 """The verb: from logs to the causes, the extended model, and the gain on data held out."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -174,17 +174,17 @@ def _evidence(
         except InputError as why:
             return why
 
-    def look_on(spec: PlantSpec, looking: Future[Search | InputError]) -> Looked | None:
-        found = looking.result()
-        if isinstance(found, InputError):
-            return None
+    def look_on(spec: PlantSpec, found: Search) -> Looked:
         with _computing():
             return Looked.on(several, runs, spec, found)
 
     with ThreadPoolExecutor(AT_ONCE) as pool:  # one whitens while the other simulates
-        looking = {spec: pool.submit(look, spec) for spec in plants}
-        lookings_on = {spec: pool.submit(look_on, spec, own) for spec, own in looking.items()}
-        looked = {spec: own.result() for spec, own in looking.items()}
+        looking, looking_on = {pool.submit(look, spec): spec for spec in plants}, {}
+        for done in as_completed(looking):
+            own = done.result()
+            if isinstance(own, Search):
+                looking_on[looking[done]] = pool.submit(look_on, looking[done], own)
+        looked = {spec: done.result() for done, spec in looking.items()}
         searches = {spec: found for spec, found in looked.items() if isinstance(found, Search)}
         refused = {spec: why for spec, why in looked.items() if isinstance(why, InputError)}
         unseen = [f"The {spec.name} was not looked at: {why}" for spec, why in refused.items()]
@@ -204,9 +204,8 @@ def _evidence(
         why = [*_unshared(several), *none, *unseen][0].rstrip(".")
         raise InputError(names, "plants", why, mend)
     say("judging on the data held out")
-    every = {spec: own.result() for spec, own in lookings_on.items()}
-    found = {spec: seen for spec, seen in every.items() if seen is not None}
-    return Evidence(several, runs, found, bodily, tuple(unseen))
+    told = {spec: looking_on[spec].result() for spec in searches}
+    return Evidence(several, runs, told, bodily, tuple(unseen))
 
 
 def _alike(records: list[Record], vehicle: VehicleGeometry | None) -> list[Record]:
