@@ -73,7 +73,7 @@ def test_wind_that_rests_while_a_vehicle_stands_does_not_go_with_what_is_asked()
     v = np.where(T % 20.0 < 6.0, 0.0, 5.0 + np.sin(T))[None]
     error = wind(0.3) * (v > 0.0) + 0.003 * NOISE
     asked = demands(v, v, EVERYWHERE, DT)
-    assert scores(error, asked, EVERYWHERE, DT)[0] > 6.0
+    assert scores(error, asked, EVERYWHERE, DT).along > 6.0
     assert max(scores(error, asked, moving(v, EVERYWHERE), DT)) < 2.5
     assert moving(np.zeros((1, N)), EVERYWHERE).all()  # a plant that is no vehicle's
 

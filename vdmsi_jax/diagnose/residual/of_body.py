@@ -64,7 +64,7 @@ def jumps_of_pose(begins: tuple[tuple[str, float], ...], found: BodySearch) -> l
             known = body.mask[c] | body.held_out[c]
             e, white = _left(body, final, c)
             moves = known & moving(body.v, known)
-            rare = scores(e, np.empty((0, *e.shape)), moves, body.dt)[1]
+            rare = scores(e, np.empty((0, *e.shape)), moves, body.dt).rare
             peaked = np.mean(white[known] ** 4) > _PEAKED * np.mean(white[known] ** 2) ** 2
             sure = rare > (0.5 if peaked else 1.0) * _JUMPS
             jumps = events("pose", e, white, known, begins, body.dt, sure)

@@ -9,6 +9,8 @@ Source: Theiler et al., Testing for nonlinearity in time series: the method of s
 (Physica D 58, 1992).
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -27,6 +29,22 @@ _STANDS = 0.1  # of the usual speed, below which a vehicle stands
 _PARTS, _BEYOND = 4, 16.0  # of a run, and times the variance that its mean has by theirs, below
 # which it is no news: of disturbances with a memory of a third of a run 7 % are beyond
 _FEW = 20  # stretches, below which nothing can be told
+
+
+class Scores(NamedTuple):
+    """By how many of their standard deviations an error is beyond its surrogates; zero where there
+    is too little to tell.
+
+    Attributes:
+        along: in how its energy goes with what is asked.
+        rare: in how rare its large values are.
+        to_a_side: in how much further it goes to one side than to the other, as what brakes now
+            and then.
+    """
+
+    along: float
+    rare: float
+    to_a_side: float
 
 
 def demands(
@@ -52,10 +70,8 @@ def scores(
     asked: Float[np.ndarray, "k R N"],
     mask: Bool[np.ndarray, "R N"],
     dt: float,
-) -> tuple[float, float, float]:
-    """By how many of their standard deviations an error is beyond its surrogates: in how its energy
-    goes with what is asked, in how rare its large values are, and in how much further it goes to
-    one side than to the other, as what brakes now and then. Zero where there is too little.
+) -> Scores:
+    """Compare an error with its surrogates.
 
     Args:
         e: the error.
@@ -67,7 +83,7 @@ def scores(
     length = max(1, round(_STRETCH / dt))
     whole = _stretches(mask.astype(float), length) > 0.999
     if whole.sum() < _FEW:
-        return 0.0, 0.0, 0.0
+        return Scores(0.0, 0.0, 0.0)
     recent = [history(x, seconds, dt) for seconds in _PASTS for x in asked]
     rows = _stretches(np.reshape(recent, (-1, *e.shape)), length)[:, whole]
     rows = rows - rows.mean(axis=1, keepdims=True)
@@ -96,7 +112,7 @@ def scores(
     every = np.concatenate(others, axis=1)
     middle, spread = every.mean(axis=1), every.std(axis=1)
     along, rare, to_a_side = (told(e[None])[:, 0] - middle) / np.maximum(spread, 1e-12)
-    return float(along), float(rare), abs(float(to_a_side))
+    return Scores(float(along), float(rare), abs(float(to_a_side)))
 
 
 def apart(e: Float[np.ndarray, "R N"], mask: Bool[np.ndarray, "R N"], dt: float) -> float:

@@ -138,7 +138,6 @@ def slow_error(
     """
     known = masks[0] | masks[1]
     begun = known & _begun(known, max(_BEGINS, _BEGUN * time_constant) / dt)
-    counts = np.array([not ground, True])  # what goes with what is asked, and what is rare
     scored = None
     for use, least in zip(masks, (LARGE, LARGE_HELD_OUT), strict=True):
         if not use.any():
@@ -150,19 +149,21 @@ def slow_error(
         if whole < SMALL * spread:
             continue
         scored = scored or scores(residual, asked, known & moving, dt)
-        lopsided = scored[2] > _LOPSIDED  # as no noise is, whatever repeats say of it
+        lopsided = scored.to_a_side > _LOPSIDED  # as no noise is, whatever repeats say of it
         repeated = 0.0 if lopsided else noise
         size = float(np.sqrt(max(whole**2 - repeated**2, 0.0)))
         if size < max(SMALL * spread, repeated):
             continue
-        along, rare = counts * scored[:2]
+        along = 0.0 if ground else scored.along
         large = size > max(least * spread, _BESIDE * fast)
-        if not large and max(along, rare) < _SURELY:
+        if not large and max(along, scored.rare) < _SURELY:
             continue
-        if not large and max(counts * scores(residual, asked, begun & moving, dt)[:2]) < _SURELY:
-            continue
+        if not large:  # nor by what went on before the runs
+            since = scores(residual, asked, begun & moving, dt)
+            if max(0.0 if ground else since.along, since.rare) < _SURELY:
+                continue
         parted = apart(residual, known, dt)
-        made = along > _GOES_ALONG or rare > _RARE or lopsided or parted > _APART
+        made = along > _GOES_ALONG or scored.rare > _RARE or lopsided or parted > _APART
         share = min(size**2 / max(float(np.mean(residual[use] ** 2)), 1e-300), 1.0)
         size /= spread
         words = f"a slow error of {100.0 * size:.0f} % of the response's spread"
@@ -171,7 +172,7 @@ def slow_error(
         puzzling = not steady and size > _SUBTLE
         long = bool(known.sum() * dt > _LONG * time_constant)
         even = steady and long and len(asked) > 0
-        even = even and max(scored[:2]) < _EVEN and parted < _APART_AT_ALL
+        even = even and max(scored.along, scored.rare) < _EVEN and parted < _APART_AT_ALL
         return Unexplained(
             channel, share, ("t",), (), words, puzzling, size, steady=steady, even=even
         )
