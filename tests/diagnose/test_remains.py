@@ -16,6 +16,7 @@ from lasting_errors import (
     when_it_jumps,
     wind,
 )
+from vdmsi_jax.data.record import Record, Segment
 from vdmsi_jax.diagnose.answer.result import Unexplained
 from vdmsi_jax.diagnose.residual.families import (
     HYSTERESIS,
@@ -26,7 +27,7 @@ from vdmsi_jax.diagnose.residual.families import (
     Explained,
     Family,
 )
-from vdmsi_jax.diagnose.residual.leftover import of_a_kind, taken_for_noise
+from vdmsi_jax.diagnose.residual.leftover import is_rounding, of_a_kind, taken_for_noise
 from vdmsi_jax.diagnose.residual.of_plant import _MOST
 from vdmsi_jax.diagnose.residual.remains import Remains, unexplained
 from vdmsi_jax.diagnose.signals.chain import bands, regress
@@ -233,3 +234,17 @@ def test_a_faint_cause_in_a_loop_may_tell_what_its_commands_know(
 ):
     remains = Remains((), (), echoing=frozenset({"v"}))
     assert remains.echoes(channel, share, statistic, hides_small) is echoed
+
+
+@pytest.mark.parametrize(("share", "rounded"), [(1.0, True), (0.4, True), (0.1, False)])
+def test_an_error_that_is_the_rounding_of_what_is_logged_is_none_of_frequencies(share, rounded):
+    rng = np.random.default_rng(4)
+    smooth = np.cumsum(0.02 * rng.standard_normal(4000))
+    logged = 0.05 * np.round(smooth / 0.05)
+    record = Record(
+        "log", 0.02, 0.02 * np.arange(4000), {"v": logged}, {"v": "m/s"}, (Segment(0, 4000),)
+    )
+    e = logged - smooth
+    noise = rng.standard_normal(4000) * np.std(e) * np.sqrt(1.0 / share - 1.0)
+    assert is_rounding([record], "v", e + noise) is rounded
+    assert not is_rounding([record], "delta", e)

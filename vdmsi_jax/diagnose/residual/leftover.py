@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...data.record import Record
 from ..answer.result import Unexplained
 from ..search.search import lasts
 from ..signals.colour import unsteadiness
@@ -23,6 +24,7 @@ _COMES_AND_GOES = 10.0  # `unsteadiness`, from which on an error is no noise: 17
 # logs had up to 2.6, measured vehicles, whose noise goes with their speed, 8.6, a machine that runs
 # up 50
 _COLOURFUL = 0.02, 0.1  # of a response's spread, such an error beside no cause and beside some
+_ROUNDED = 0.25  # of a squared error, that is a rounding's
 _OF_ITSELF = {HYSTERESIS: PUZZLING, PACE: 0.1}  # share of what is left, from which on these are no
 # form of a play, friction or limit of a rate: of 2800 hunted drives no such name was right
 
@@ -77,6 +79,13 @@ def taken_for_noise(
         return []
     words = f"an error of {100.0 * size:.0f} % of the response's spread, {how}"
     return [Unexplained(channel, 1.0 - variance / error, ("t",), (), words, puzzling=True)]
+
+
+def is_rounding(records: Sequence[Record], channel: str, e: np.ndarray) -> bool:
+    """Whether much of an error may be the rounding of what is logged, whose frequencies go with the
+    signal's speed."""
+    steps = [r.step(channel) or 0.0 for r in records if channel in r]
+    return max(steps, default=0.0) ** 2 / 12.0 > _ROUNDED * float(np.mean(e**2))
 
 
 def puzzles(left: Sequence[Unexplained]) -> bool:

@@ -25,7 +25,7 @@ from ..signals.unexplained import (
 )
 from . import stand_ins
 from .families import explained, weighed
-from .leftover import LOUD, SEEN, of_a_kind, puzzles, refuted, taken_for_noise
+from .leftover import LOUD, SEEN, is_rounding, of_a_kind, puzzles, refuted, taken_for_noise
 from .questions import asked, evenly_of
 from .travelled import line_over
 
@@ -83,8 +83,8 @@ def _structure(
     slow = slow_error(*about, known, moves, stage.scales.time_constant)
     if slow is not None:
         found.append(replace(slow, answered=loaded))
-    if not loaded and not puzzles(found):
-        use, beside = stage.mask | stage.held_out, bool(causes)
+    use, beside = stage.mask | stage.held_out, bool(causes)
+    if not (loaded or puzzles(found) or is_rounding(runs.records, spec.output, e[use])):
         found += taken_for_noise(spec.output, e, white, stage.y, use, beside, _MOST)
     # what may have drawn the noise, or the disturbance, of the data fitted; a mean that is another
     # in each run is slow, and told by that if it is large
