@@ -29,33 +29,53 @@ class Found:
     failed: tuple = ()
 
 
-def test_what_takes_a_place_and_fails_does_not_come_again(monkeypatch):
-    """Of two models the one takes the other's place, and fails on data held out, so that the first
-    comes again: of a beam that snaps through the search had gone round for ever."""
-    holds, fails, looked_at = Fit(1), Fit(2), []
+def looked_at(monkeypatch, first, takes_over, fails, without, smaller=None):
+    """The models that a search looks at, from the first, where one takes the place of another, some
+    fail on data held out, which leaves one `without` them or a smaller plant; and what it finds."""
+    seen = []
 
     def failing(found):
-        looked_at.append(found.final)
-        assert len(looked_at) < 20
-        return 0 if found.final is fails else None
+        seen.append(found.final)
+        assert len(seen) < 20
+        return 0 if found.final in fails else None
 
     for name, does in {
-        "baselines": lambda stage: {(1, 0): holds},
+        "baselines": lambda stage: {(1, 0): first},
         "score": lambda stage, fit: 0.0,
-        "climbed": lambda stage, plain, grid: (holds, {}),
+        "climbed": lambda stage, plain, grid: (first, {}),
         "eliminate": lambda stage, now, seen, borne: now,
         "worths": lambda stage, now: (now,),
         "_whole": lambda whole, stage, plain, grid, now, findings: Found(now, findings),
         "_failing": failing,
         "Failed": lambda finding, fit: SimpleNamespace(finding=finding),
-        "findings_of": lambda stage, findings, *_: (findings, fails),
+        "findings_of": lambda stage, findings, *_: (findings, takes_over),
         "_takes_over": lambda *_: True,
-        "_instead": lambda *_: holds,
+        "_in_smaller_plant": lambda *_: smaller,
+        "_instead": lambda *_: without,
         "_borne_out": lambda *_: None,
         "_foretold": lambda whole, findings: findings,
     }.items():
         monkeypatch.setattr(search, name, does)
     stage = SimpleNamespace(fitting=SimpleNamespace(but=lambda numbers: None))
-    found = inspect.unwrap(search._search)(stage)
-    assert looked_at == [holds, fails, holds]
+    return seen, inspect.unwrap(search._search)(stage)
+
+
+def test_what_takes_a_place_and_fails_does_not_come_again(monkeypatch):
+    """Of two models the one takes the other's place, and fails on data held out, so that the first
+    comes again: of a beam that snaps through the search had gone round for ever."""
+    holds, fails = Fit(1), Fit(2)
+    seen, found = looked_at(monkeypatch, holds, fails, {fails}, holds)
+    assert seen == [holds, fails, holds]
     assert found.final is holds and len(found.failed) == 1
+
+
+def test_what_fails_in_a_large_plant_comes_again_in_a_smaller_one_and_not_back(monkeypatch):
+    """Each such model once, and the one that has failed does not take its place: in what follows it
+    is as good as ever where it was fitted."""
+    large, small, bare = Fit(1), Fit(2), Fit(3)
+    seen, found = looked_at(monkeypatch, large, large, {large}, bare, small)
+    assert seen == [large, small]
+    assert found.final is small and not found.failed
+    seen, found = looked_at(monkeypatch, large, large, {large, small}, bare, small)
+    assert seen == [large, small, bare]
+    assert found.final is bare and len(found.failed) == 1
