@@ -27,7 +27,7 @@ from vdmsi_jax.diagnose.residual.families import (
     Explained,
     Family,
 )
-from vdmsi_jax.diagnose.residual.leftover import is_rounding, of_a_kind, taken_for_noise
+from vdmsi_jax.diagnose.residual.leftover import is_rounding, of_a_kind, steps_of, taken_for_noise
 from vdmsi_jax.diagnose.residual.of_plant import _MOST
 from vdmsi_jax.diagnose.residual.remains import Remains, unexplained
 from vdmsi_jax.diagnose.signals.chain import bands, regress
@@ -246,5 +246,5 @@ def test_an_error_that_is_the_rounding_of_what_is_logged_is_none_of_frequencies(
     )
     e = logged - smooth
     noise = rng.standard_normal(4000) * np.std(e) * np.sqrt(1.0 / share - 1.0)
-    assert is_rounding([record], "v", e + noise) is rounded
-    assert not is_rounding([record], "delta", e)
+    assert is_rounding(steps_of([record], "v"), e + noise) is rounded
+    assert not is_rounding(steps_of([record], "delta"), e)

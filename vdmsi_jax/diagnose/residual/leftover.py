@@ -81,10 +81,14 @@ def taken_for_noise(
     return [Unexplained(channel, 1.0 - variance / error, ("t",), (), words, puzzling=True)]
 
 
-def is_rounding(records: Sequence[Record], channel: str, e: np.ndarray) -> bool:
-    """Whether much of an error may be the rounding of what is logged, whose frequencies go with the
-    signal's speed."""
-    steps = [r.step(channel) or 0.0 for r in records if channel in r]
+def steps_of(records: Sequence[Record], channel: str) -> list[float]:
+    """Sizes of the steps in which a channel was logged, of the records where it was in some."""
+    return [s for r in records if channel in r and (s := r.step(channel)) is not None]
+
+
+def is_rounding(steps: Sequence[float], e: np.ndarray) -> bool:
+    """Whether much of an error may be the rounding of what is logged in some `steps`, whose
+    frequencies go with the signal's speed."""
     return max(steps, default=0.0) ** 2 / 12.0 > _ROUNDED * float(np.mean(e**2))
 
 

@@ -18,7 +18,16 @@ from ..signals.unexplained import SMALL, beside_response, events, slow_error, st
 from . import stand_ins
 from .families import explained, weighed
 from .heading import by_heading
-from .leftover import LOUD, SEEN, is_rounding, of_a_kind, puzzles, refuted, taken_for_noise
+from .leftover import (
+    LOUD,
+    SEEN,
+    is_rounding,
+    of_a_kind,
+    puzzles,
+    refuted,
+    steps_of,
+    taken_for_noise,
+)
 from .questions import asked_of_body
 
 _JUMPS = 10.0  # `disturbance.scores` of events, from which a pose surely jumps: clean drives of two
@@ -103,7 +112,7 @@ def _of_yaw_rate(runs: Runs, found: BodySearch) -> list[Unexplained]:
         slow = replace(slow, steady=False, puzzling=True)
     if slow is not None:
         left.append(slow)
-    if not (puzzles(left) or is_rounding(runs.records, "r", e[known])):
+    if not (puzzles(left) or is_rounding(steps_of(runs.records, "r"), e[known])):
         left += taken_for_noise("r", e, white, response, known, bool(causes))
     left = beside_response(left, e, response, known)
     for failed in found.failed:

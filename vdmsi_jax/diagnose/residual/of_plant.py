@@ -25,7 +25,16 @@ from ..signals.unexplained import (
 )
 from . import stand_ins
 from .families import explained, weighed
-from .leftover import LOUD, SEEN, is_rounding, of_a_kind, puzzles, refuted, taken_for_noise
+from .leftover import (
+    LOUD,
+    SEEN,
+    is_rounding,
+    of_a_kind,
+    puzzles,
+    refuted,
+    steps_of,
+    taken_for_noise,
+)
 from .questions import asked, evenly_of
 from .travelled import line_over
 
@@ -70,8 +79,7 @@ def _structure(
     causes = [stage.slots[finding.number].cause for finding in own.findings]
     kind = explained(weighed(*asked(spec, stage, final.y, evenly)), causes)
     found = of_a_kind(spec.output, kind, causes, e, stage.y, stage.mask)
-    logged = [r for r in runs.records if spec.output in r]
-    steps = [step for r in logged if (step := r.step(spec.output)) is not None]
+    steps = steps_of(runs.records, spec.output)
     found += _of_the_way(spec.output, final.y, e, white, stage, steps)
     found += structure(spec.output, e * evenly, white, *masks, runs.begins, stage.dt)
     needs = demands(stage.u, final.y, stage.mask | stage.held_out, stage.dt)
@@ -84,7 +92,7 @@ def _structure(
     if slow is not None:
         found.append(replace(slow, answered=loaded))
     use, beside = stage.mask | stage.held_out, bool(causes)
-    if not (loaded or puzzles(found) or is_rounding(runs.records, spec.output, e[use])):
+    if not (loaded or puzzles(found) or is_rounding(steps, e[use])):
         found += taken_for_noise(spec.output, e, white, stage.y, use, beside, _MOST)
     # what may have drawn the noise, or the disturbance, of the data fitted; a mean that is another
     # in each run is slow, and told by that if it is large
