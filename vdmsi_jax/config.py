@@ -225,6 +225,7 @@ RULES = (
     "yaw_rate_from_steering",
     "yaw_rate_from_heading",
     "speed_from_pose",
+    "heading_from_path",
     "acceleration_from_speed",
 )
 """The named rules of `[derive]`; `vdmsi_jax.data.derive` holds their formulas."""

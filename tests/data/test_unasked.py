@@ -78,3 +78,26 @@ def test_logs_of_one_vehicle_are_differentiated_alike(drive, tmp_path):
     alone = [vj.read_log(path).windows for path in paths]
     assert alone[0]["v"] < alone[1]["v"] and alone[0]["r"] < alone[1]["r"]
     assert [record.windows for record in vj.read_logs(paths)] == [alone[1]] * 2
+
+
+def test_a_position_beside_a_yaw_rate_tells_a_heading(drive, tmp_path):
+    """Which is no measurement, and is left alone where the log has one or nothing moves."""
+    made = np.column_stack([drive, drive[:, 3] * np.tan(drive[:, 4]) / WHEELBASE])
+    names = ("t", "v_cmd", "delta_cmd", "v", "delta", "x", "y", "psi", "r")
+    log, config = tmp_path / "run.csv", tmp_path / "vehicle.toml"
+    config.write_text('[vehicle]\nl_f = 0.25\nl_r = 0.25\nreference_point = "rear_axle"\n')
+
+    def read_with(columns, still=False):
+        kept = [names.index(c) for c in columns]
+        table = made[:, kept] * np.where(still & np.isin(columns, ["x", "y"]), 0.0, 1.0)
+        np.savetxt(log, table, delimiter=",", header=",".join(columns), comments="", fmt="%.7f")
+        return vj.read_log(log, config=config)
+
+    without = [c for c in names if c != "psi"]
+    record = read_with(without)
+    assert np.abs(np.angle(np.exp(1j * (record["psi"] - made[:, 7])))).max() < 0.05
+    assert not record.measured("psi").any()
+    assert any("derived psi from r" in told for told in record.repairs)
+    assert read_with(names).measured("psi").all()
+    assert "psi" not in read_with(without, still=True)
+    assert "psi" not in read_with([c for c in without if c != "r"])

@@ -231,3 +231,24 @@ def test_a_bank_pulls_no_more_than_its_slope_can(slope, pull, strange):
     fits = [BodyFit(on, theta, 0.0, {}, {}, {}, {}, {}, (), none) for on in ((), (BANK,))]
     without, leaning = (body_score(fit) for fit in fits)
     assert (without - leaning > body_price((BANK,)) + 1.0) == strange
+
+
+@pytest.mark.parametrize(("size", "base"), [(1.0, 1.05), (0.95, 1.0), (1.0, 1.0)])
+def test_a_position_without_a_heading_tells_wheels_from_wheelbase(size, base):
+    """Yaw rate and way forward, with noise: another wheelbase, wheels of another size, none."""
+    rng, t = np.random.default_rng(7), DT * np.arange(ROWS)
+    v = 8.0 + 4.0 * np.sin(0.2 * t)
+    delta = 0.08 * np.sin(2.0 * np.pi * (0.1 + 0.006 * t) * t)
+    r = size * v * np.tan(delta) / (2.7 * base)
+    way = np.convolve(size * v, np.ones(round(WINDOW / DT)) * DT)[round(WINDOW / DT) - 1 :][:ROWS]
+    seen = {"r": r + 0.01 * rng.standard_normal(ROWS), "forward": way}
+    seen["forward"] = way + 0.05 * rng.standard_normal(ROWS)
+    inside = np.ones((1, ROWS), bool)
+    inside[:, -round(WINDOW / DT) :] = False
+    here, nowhere = ({c: m for c in seen} for m in (inside, ~np.ones((1, ROWS), bool)))
+    zero, measured = np.zeros((1, ROWS)), {c: y[None] for c, y in seen.items()}
+    body = Body(v[None], delta[None], zero, zero, measured, here, nowhere, Bicycle(2.7, 0.0), DT)
+    told = {"geometry_scale": base - 1.0, "speed_scale": size - 1.0}
+    found = found_in(body)
+    assert found.keys() == {c for c, value in told.items() if value}
+    assert all(value == pytest.approx(told[c], abs=0.003) for c, value in found.items())

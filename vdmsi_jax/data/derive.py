@@ -18,6 +18,7 @@ from ..config import CANONICAL, POSE, Derivation, VehicleGeometry, allowed_quant
 from ..errors import InputError, nearest
 from ..units import si_symbol, unit
 from .expressions import parse
+from .heading import heading_of_path
 from .mend import moment
 
 _LARGEST_SINE = 0.95  # of the course angle, beyond which noise and not geometry speaks
@@ -154,7 +155,8 @@ class _Rule:
 
     The formula maps channels, derivation and vehicle to the values and, if some cannot be told, a
     mask of those that can. One that differentiates looks to one side only at the ends of a stretch:
-    what it tells there is many times as noisy, and does not count as measured.
+    what it tells there is many times as noisy, and does not count as measured. What is reckoned
+    from a channel of which it says nothing new counts nowhere.
     """
 
     quantity: str
@@ -162,6 +164,7 @@ class _Rule:
     formula: Callable[..., tuple[np.ndarray, np.ndarray | None]]
     needs_vehicle: bool = False
     differentiates: bool = False
+    reckoned: bool = False
 
 
 def _window(channels: Channels, how: Derivation) -> int:
@@ -190,6 +193,18 @@ def _speed_from_pose(
     if vehicle is not None:
         aside = kept * vehicle.rear_to_reference * turning
     return np.copysign(np.hypot(ahead, aside), ahead) / kept, None
+
+
+def _heading_from_path(
+    channels: Channels, how: Derivation, vehicle: VehicleGeometry | None
+) -> tuple[np.ndarray, None]:
+    ahead = 0.0 if vehicle is None else vehicle.rear_to_reference
+    x, y, r, v = (channels.values[c] for c in ("x", "y", how.yaw_rate, how.speed))
+    parts = [
+        heading_of_path(x[piece], y[piece], r[piece], v[piece], channels.dt, ahead)
+        for piece in channels.pieces
+    ]
+    return np.concatenate(parts), None
 
 
 def _kept_of_circle(r: np.ndarray, dt: float, samples: int) -> np.ndarray:
@@ -228,6 +243,12 @@ _RULES: Mapping[str, _Rule] = {
     "speed_from_pose": _Rule(
         "speed", lambda _: ("x", "y", "psi"), _speed_from_pose, differentiates=True
     ),
+    "heading_from_path": _Rule(
+        "angle",
+        lambda how: ("x", "y", how.yaw_rate, how.speed),
+        _heading_from_path,
+        reckoned=True,
+    ),
     "acceleration_from_speed": _Rule(
         "acceleration",
         lambda how: (how.speed,),
@@ -262,7 +283,7 @@ def derive(
         place = f"[derive] {name}"
         if how.expression is not None:
             expression = parse(how.expression, source=source, place=place)
-            needs, known, ends = expression.names, None, 0
+            needs, known, ends, reckoned = expression.names, None, 0, False
             of = unit(how.unit or "1", source=source, place=f"{place} unit")
             _demand(needs, channels, source, place)
             values = of.to_si * np.broadcast_to(expression(channels.values), channels.t.shape)
@@ -275,6 +296,7 @@ def derive(
                 problem = f"{how.rule} makes {quantity}, and {name} is {wanted[0]}"
                 raise InputError(source, place, problem, "derive another channel by it")
             ends = _window(channels, how) // 2 if rule.differentiates else 0
+            reckoned = rule.reckoned
             _demand(needs, channels, source, place)
             if rule.needs_vehicle and vehicle is None:
                 mend = "give [vehicle] l_f and l_r"
@@ -287,7 +309,7 @@ def derive(
             raise InputError(
                 log, place, problem, "guard the expression, such as a / maximum(b, 0.1)"
             )
-        mask = np.zeros(values.shape, dtype=bool)
+        mask = np.full(values.shape, reckoned)
         for need in needs:
             mask |= channels.filled.get(need, mask)
         for piece in channels.pieces if ends else ():

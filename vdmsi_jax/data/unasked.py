@@ -1,5 +1,5 @@
 """Channels that commands wait for and that a log of poses still tells: speed, yaw rate, steering
-angle, where neither the log nor its configuration has them."""
+angle, where neither the log nor its configuration has them; and the heading of a position."""
 
 from collections.abc import Mapping
 
@@ -26,8 +26,10 @@ def unasked(
             the noise of all is alike.
     """
     there, vehicle = set(channels.values), config.vehicle
-    if vehicle is None or config.plants or "psi" not in there:
+    if vehicle is None or config.plants:
         return {}
+    if "psi" not in there:
+        return _heading(channels)
     made: dict[str, Derivation] = {}
     if "v" not in there:
         if not {"x", "y", "v_cmd"} <= there:
@@ -49,6 +51,17 @@ def unasked(
             f"[derive] may say otherwise"
         )
     return made
+
+
+def _heading(channels: Channels) -> Mapping[str, Derivation]:
+    """Of a position that moves, beside a yaw rate and a speed."""
+    values = channels.values
+    if not {"x", "y", "r", "v"} <= set(values) or not np.ptp(values["x"]) + np.ptp(values["y"]):
+        return {}
+    channels.told.append(
+        "derived psi from r, turned to the course of x and y; [derive] may say otherwise"
+    )
+    return {"psi": Derivation("heading_from_path")}
 
 
 def _window(channels: Channels, measured: str, command: str, gain: float = 1.0) -> float:

@@ -205,12 +205,15 @@ def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
     if posed:
         window = max(1, round(WINDOW / runs.dt))
         x, y, psi = (runs.channel(c) for c in ("x", "y", "psi"))
-        seen = runs.seen("x") & runs.seen("y") & runs.seen("psi") & moving
+        seen = runs.seen("x") & runs.seen("y") & moving
+        headed = runs.seen("psi")
+        seen &= headed | ~headed.any()  # else it is reckoned from the yaw rate
         whole = seen & np.roll(seen, -window, axis=1)
         whole[:, -window:] = False
-        for c, values in zip(
-            CHANNELS[1:], increments(x, y, np.unwrap(psi, axis=1), window), strict=True
-        ):
+        every = increments(x, y, np.unwrap(psi, axis=1), window)
+        for c, values in zip(CHANNELS[1:], every, strict=True):
+            if not headed.any() and c != "forward":
+                continue
             measured[c] = values
             mask[c] = whole & ~held & ~np.roll(held, -window, axis=1)
             held_out[c] = whole & held

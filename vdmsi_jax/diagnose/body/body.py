@@ -235,16 +235,13 @@ class Body:
     @property
     def allowed(self) -> tuple[int, ...]:
         """Causes that the channels at hand could show."""
-        poses = "psi" in self.measured
-        hidden = {
-            ("speed_scale", None),
-            ("sensor_bias", "v"),
-            ("bank", None),
-            ("sensor_delay", "pose"),
-        }
-        hidden |= {("sensor_bias", "psi")}
-        if self.by_yaw_rate:
-            hidden |= {("sensor_lag", "v"), ("sensor_delay", "v")}
+        hidden: set[tuple[str, str | None]] = set()
+        if "forward" not in self.measured:
+            hidden |= {("speed_scale", None), ("sensor_bias", "v"), ("sensor_delay", "pose")}
+            if self.by_yaw_rate:
+                hidden |= {("sensor_lag", "v"), ("sensor_delay", "v")}
+        if "aside" not in self.measured:
+            hidden |= {("bank", None), ("sensor_bias", "psi")}
         yaw = {("sensor_lag", "r"), ("sensor_delay", "r")}
         if self.yaw_bias == 0.0:
             yaw |= {("sensor_bias", "r")}
@@ -255,7 +252,7 @@ class Body:
             for i, c in enumerate(CAUSES)
             if i not in self.refuted
             and not (self.by_yaw_rate and isinstance(c.effect, YawOffset))
-            and (poses or (c.cause, c.channel) not in hidden)
+            and (c.cause, c.channel) not in hidden
             and ("r" in self.measured or (c.cause, c.channel) not in yaw)
         )
 

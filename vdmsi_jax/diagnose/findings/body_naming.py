@@ -47,10 +47,13 @@ def of_body(search: BodySearch) -> list[Named]:
             one_each(rivals),
             body=finding,
         )  # fmt: skip
-        if "psi" in search.body.measured:
-            found.append(as_offset(named))
-        else:
-            found.append(or_bank(named) if finding.number == ASKEW else or_wheels(named))
+        if "aside" in search.body.measured:
+            named = as_offset(named)
+        elif finding.number == ASKEW:
+            named = or_bank(named)
+        if "forward" not in search.body.measured:
+            named = or_wheels(named)
+        found.append(named)
     return found
 
 

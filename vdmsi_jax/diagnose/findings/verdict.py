@@ -15,7 +15,7 @@ from ..actuator.refit import refit
 from ..actuator.screen import screen
 from ..answer.result import Budget, Detectable, Diagnosis, Finding, Rival, Unexplained
 from ..answer.words import apart, in_words, sentence, summary
-from ..body.body import ASKEW, CAUSES, CHANNELS
+from ..body.body import ASKEW, CAUSES
 from ..body.search import BodySearch, at_fixed, chained
 from ..residual.of_body import BodyLeft
 from ..residual.remains import Remains, unexplained
@@ -283,7 +283,7 @@ class Evidence:
 
     def _experiment(self, cause: Named, rivals: Sequence[Rival]) -> str:
         if cause.body is not None:
-            posed = self.bodily is not None and "psi" in self.bodily.body.measured
+            posed = self.bodily is not None and "aside" in self.bodily.body.measured
             if not posed and all(r.cause in SEEN_BY_POSE for r in rivals):
                 return _POSE
             return better(CAUSES[cause.body.number].effect, [r.cause for r in rivals])
@@ -300,7 +300,7 @@ class Evidence:
         return _SENSOR
 
     def _road(self) -> Road | None:
-        if self.bodily is None or not {*CHANNELS[1:]} <= set(self.bodily.body.measured):
+        if self.bodily is None or "forward" not in self.bodily.body.measured:
             return None
         angle = steering_angle(self.runs)
         assert angle is not None
@@ -398,7 +398,10 @@ def _chi_squared(statistic: float, freedom: int) -> float:
     return tail + (math.exp(-x) * sum(terms) if x < 700 else 0.0)
 
 
-_POSE = "log the pose beside the yaw rate: it tells how far the vehicle has come, and where to"
+_POSE = (
+    "log the pose, heading included, beside the yaw rate: it tells how far the vehicle has come, "
+    "and where to"
+)
 
 _SENSOR = (
     "log the yaw rate and the pose beside this channel: a sensor's fault is not seen in them, "
