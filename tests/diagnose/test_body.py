@@ -204,7 +204,9 @@ def test_tyres_that_follow_the_angle_late_leave_the_speed_as_it_is():
 def test_jumps_of_a_pose_are_told_by_their_moments(jump):
     body = swerving(jump)
     plain = fit_body(body, [()])[0]
-    left = jumps_of_pose((("run", 0.0),), BodySearch(body, plain, plain, ()))
+    found = BodySearch(body, plain, plain, ())
+    left = jumps_of_pose((("run", 0.0),), found)
+    assert not jumps_of_pose((("run", 0.0),), found, made=True)
     assert [u.channel for u in left] == ["pose"] * (jump > 0.0)
     assert all(19.0 <= start and stop <= 23.0 for u in left for _, start, stop in u.when)
 

@@ -51,7 +51,9 @@ class BodyLeft:
         """Look at what the model leaves."""
         looks = [
             partial(_of_yaw_rate, runs, bodily),
-            partial(jumps_of_pose, runs.begins, bodily),
+            partial(
+                jumps_of_pose, runs.begins, bodily, any("v" in r.windows for r in runs.records)
+            ),
             partial(_of_compass, runs, bodily),
         ]
         found = sum(each(lambda look: look(), looks), [])
@@ -64,9 +66,15 @@ def _left(body: Body, final: BodyFit, channel: str) -> tuple[np.ndarray, np.ndar
     return e, whiten(e[None], final.colour[channel][None])[0]
 
 
-def jumps_of_pose(begins: tuple[tuple[str, float], ...], found: BodySearch) -> list[Unexplained]:
+def jumps_of_pose(
+    begins: tuple[tuple[str, float], ...], found: BodySearch, made: bool = False
+) -> list[Unexplained]:
     """Jumps of the position: in the way over half a second, the larger of forward and aside. They
-    are the sensor's, or a start's: told, they leave the verdict on causes that were found."""
+    are the sensor's, or a start's: told, they leave the verdict on causes that were found. None
+    where the speed was `made` of the position: it has them itself, and what is left beside it are
+    errors of making it."""
+    if made:
+        return []
     body, final, left = found.body, found.final, []
     for c in ("forward", "aside"):
         if c in body.measured:
