@@ -59,7 +59,8 @@ def _heading(channels: Channels) -> Mapping[str, Derivation]:
     if not {"x", "y", "r", "v"} <= set(values) or not np.ptp(values["x"]) + np.ptp(values["y"]):
         return {}
     channels.told.append(
-        "derived psi from r, turned to the course of x and y; [derive] may say otherwise"
+        "derived psi from r, turned to the course of x and y: it counts as no measurement, and a "
+        "diagnosis turns simulated paths about their start to fit; [derive] may say otherwise"
     )
     return {"psi": Derivation("heading_from_path")}
 

@@ -18,7 +18,8 @@ _RUINED = 4.0  # times the error: wheels that spin made it 11 times, right names
 
 
 class Road:
-    """Open-loop drives of the held-out runs, begun at the measured pose.
+    """Open-loop drives of the held-out runs, begun at the measured pose; where no heading was
+    measured, each turned about its start so that it errs least.
 
     Args:
         runs: the logs side by side.
@@ -39,6 +40,7 @@ class Road:
         self.drives = [(i, a, min(b, whole[i][2])) for i, a, b in held] or whole
         self.pose = np.stack([runs.channel(c) for c in ("x", "y", "psi")], axis=-1)
         self.pose[..., 2] = np.unwrap(self.pose[..., 2], axis=1)
+        self.headed = bool(runs.seen("psi").any())
         self.baseline = self._drive(
             {c: s.baseline.y for c, s in searches.items()}, bodily.plain.theta
         )
@@ -51,9 +53,11 @@ class Road:
         _, x, y, psi = self.bodily.body.travel(theta, v, delta)
         found = np.full(self.pose.shape, np.nan)
         for i, a, b in self.drives:
-            turn = self.pose[i, a, 2] - psi[i, a]
-            c, s = np.cos(turn), np.sin(turn)
             dx, dy = x[i, a:b] - x[i, a], y[i, a:b] - y[i, a]
+            turn = self.pose[i, a, 2] - psi[i, a]
+            if not self.headed:
+                turn = _turned(dx, dy, *(self.pose[i, a:b, :2] - self.pose[i, a, :2]).T)
+            c, s = np.cos(turn), np.sin(turn)
             found[i, a:b, 0] = self.pose[i, a, 0] + c * dx - s * dy
             found[i, a:b, 1] = self.pose[i, a, 1] + s * dx + c * dy
             found[i, a:b, 2] = psi[i, a:b] + turn
@@ -118,6 +122,12 @@ class Road:
             poses = (p[i, span] for p in (self.pose, self.baseline, self.extended))
             made.append(Path(self.runs.names[i], t, *poses))
         return made
+
+
+def _turned(x: np.ndarray, y: np.ndarray, to_x: np.ndarray, to_y: np.ndarray) -> float:
+    """The angle about the origin that brings a path closest to another, in squares (Horn, J. Opt.
+    Soc. Am. A 4, 1987, in the plane)."""
+    return float(np.arctan2(np.sum(x * to_y - y * to_x), np.sum(x * to_x + y * to_y)))
 
 
 def only(search: Search, kept: tuple[int, ...]) -> np.ndarray:
