@@ -54,9 +54,12 @@ def unasked(
 
 
 def _heading(channels: Channels) -> Mapping[str, Derivation]:
-    """Of a position that moves, beside a yaw rate and a speed."""
+    """Of a position that moves, beside a yaw rate of a sensor that lives and a speed."""
     values = channels.values
-    if not {"x", "y", "r", "v"} <= set(values) or not np.ptp(values["x"]) + np.ptp(values["y"]):
+    if not {"x", "y", "r", "v"} <= set(values):
+        return {}
+    x, y, r = (np.ptp(values[c]) for c in ("x", "y", "r"))
+    if r == 0.0 or x + y == 0.0:
         return {}
     channels.told.append(
         "derived psi from r, turned to the course of x and y: it counts as no measurement, and a "
