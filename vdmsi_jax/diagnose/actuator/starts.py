@@ -313,14 +313,13 @@ def _fitted(
     """Squared errors of the measured response less what is `free`, one for all or of each
     candidate, by least squares on each candidate's rows and a level; and the shares of the rows."""
     seen = stage.y[stage.mask] - np.atleast_2d(free)
-    seen = seen - seen.mean(axis=1, keepdims=True)  # which is the level's
     rows = np.array(candidates, float)
-    rows -= rows.mean(axis=2, keepdims=True)
-    normal = rows @ np.swapaxes(rows, 1, 2)
-    size = np.sqrt(np.einsum("kii->ki", normal))
-    size = np.where(size > 0.0, size, 1.0)
-    wanted = (rows @ seen[..., None])[..., 0] / size
-    normal = normal / (size[:, :, None] * size[:, None, :]) + 1e-12 * np.eye(rows.shape[1])
-    found = np.linalg.solve(normal, wanted[..., None])[..., 0] / size
-    errors = np.sum((seen - (found[:, None, :] @ rows)[:, 0]) ** 2, axis=1)
-    return errors, list(found)
+    ones = np.ones((len(rows), 1, seen.shape[1]))
+    shape = np.concatenate([rows, ones], axis=1)
+    size = np.sqrt(np.mean(shape**2, axis=2))
+    shape /= np.where(size > 0.0, size, 1.0)[..., None]
+    normal = shape @ np.swapaxes(shape, 1, 2)
+    normal += 1e-12 * seen.shape[1] * np.eye(shape.shape[1])
+    found = np.linalg.solve(normal, shape @ seen[..., None])
+    errors = np.sum((seen - np.sum(shape * found, axis=1)) ** 2, axis=1)
+    return errors, list((found[..., 0] / np.where(size > 0.0, size, 1.0))[:, :-1])
