@@ -57,10 +57,16 @@ def aligned(
     else:
         centre, target = jnp.mean(estimate[:, :2], 0), jnp.mean(truth[:, :2], 0)
         p, q = estimate[:, :2] - centre, truth[:, :2] - target
-        turn = jnp.arctan2(jnp.sum(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]), jnp.sum(p * q))
+        turn = turn_between(p, q)
     c, s = jnp.cos(turn), jnp.sin(turn)
     position = (estimate[:, :2] - centre) @ jnp.array([[c, s], [-s, c]]) + target
     return jnp.concatenate([position, estimate[:, 2:] + turn], axis=1)
+
+
+def turn_between(p, q, xp=jnp):
+    """The angle about the origin, rad, that brings the positions `p`, (N, 2), closest to `q`, in
+    squares (Horn, J. Opt. Soc. Am. A 4, 1987, in the plane)."""
+    return xp.arctan2(xp.sum(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]), xp.sum(p * q))
 
 
 def translation_error(

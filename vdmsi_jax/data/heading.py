@@ -45,12 +45,12 @@ def heading_of_path(
     way = np.diff(x + 1j * y) * np.where(moves, np.sign(steady), 0.0) * np.exp(-1j * slip)
     half = max(1, round(0.5 * _ALONG / dt))
     gone = _around(np.abs(v) * dt, half)
-    tells = (gone > 0.0) & (gone > _SLOW * gone.max(initial=0.0))
+    tells = gone > _SLOW * gone.max()
     if not tells.any():
         return turned
     for _ in range(2):  # a bias turns what stands at one side of its window only, and is taken out
-        off = np.angle(_around(way * np.exp(-1j * _between(turned)), half)[tells])
-        off = np.unwrap(off)
+        course = _around(way * np.exp(-1j * _between(turned)), half)
+        off = np.unwrap(np.angle(course[tells]))
         slope = np.polyfit(t[tells], off, 1)[0] if np.ptp(t[tells]) > 0.5 * _ALONG else 0.0
         turned = turned + slope * t
     return turned + np.interp(t, t[tells], off - slope * t[tells])

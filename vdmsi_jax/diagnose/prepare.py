@@ -205,15 +205,15 @@ def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
     if posed:
         window = max(1, round(WINDOW / runs.dt))
         x, y, psi = (runs.channel(c) for c in ("x", "y", "psi"))
-        seen = runs.seen("x") & runs.seen("y") & moving
-        headed = runs.seen("psi")
-        seen &= headed | ~headed.any()  # else it is reckoned from the yaw rate
+        way = dict(zip(CHANNELS[1:], increments(x, y, np.unwrap(psi, axis=1), window), strict=True))
+        seen, headed = runs.seen("x") & runs.seen("y") & moving, runs.seen("psi")
+        if headed.any():
+            seen &= headed
+        else:  # it is reckoned from the yaw rate
+            way = {"forward": way["forward"]}
         whole = seen & np.roll(seen, -window, axis=1)
         whole[:, -window:] = False
-        every = increments(x, y, np.unwrap(psi, axis=1), window)
-        for c, values in zip(CHANNELS[1:], every, strict=True):
-            if not headed.any() and c != "forward":
-                continue
+        for c, values in way.items():
             measured[c] = values
             mask[c] = whole & ~held & ~np.roll(held, -window, axis=1)
             held_out[c] = whole & held

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...metrics import spread
+from ...metrics import spread, turn_between
 from ..actuator.hypothesis import Hypothesis, Refit, responses
 from ..answer.result import Path
 from ..body.fit import theta_of
@@ -54,9 +54,11 @@ class Road:
         found = np.full(self.pose.shape, np.nan)
         for i, a, b in self.drives:
             dx, dy = x[i, a:b] - x[i, a], y[i, a:b] - y[i, a]
-            turn = self.pose[i, a, 2] - psi[i, a]
-            if not self.headed:
-                turn = _turned(dx, dy, *(self.pose[i, a:b, :2] - self.pose[i, a, :2]).T)
+            if self.headed:
+                turn = self.pose[i, a, 2] - psi[i, a]
+            else:
+                way = self.pose[i, a:b, :2] - self.pose[i, a, :2]
+                turn = turn_between(np.stack([dx, dy], axis=1), way, np)
             c, s = np.cos(turn), np.sin(turn)
             found[i, a:b, 0] = self.pose[i, a, 0] + c * dx - s * dy
             found[i, a:b, 1] = self.pose[i, a, 1] + s * dx + c * dy
@@ -122,12 +124,6 @@ class Road:
             poses = (p[i, span] for p in (self.pose, self.baseline, self.extended))
             made.append(Path(self.runs.names[i], t, *poses))
         return made
-
-
-def _turned(x: np.ndarray, y: np.ndarray, to_x: np.ndarray, to_y: np.ndarray) -> float:
-    """The angle about the origin that brings a path closest to another, in squares (Horn, J. Opt.
-    Soc. Am. A 4, 1987, in the plane)."""
-    return float(np.arctan2(np.sum(x * to_y - y * to_x), np.sum(x * to_x + y * to_y)))
 
 
 def only(search: Search, kept: tuple[int, ...]) -> np.ndarray:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...data.record import Record
 from ..answer.result import ChannelScore, Estimate, Finding, Gain
+from ..residual.leftover import steps_of
 from ..search.found import Search
 from ..search.judge import Trial
 from .naming import Named
@@ -72,8 +73,7 @@ def of_the_sensor(found: Search, records: Sequence[Record], channel: str) -> set
 def _sensor_step(records: Sequence[Record], channel: str) -> float | None:
     """Size of the steps in which a channel was measured, where more than half of the records were;
     else None."""
-    measured = [record for record in records if channel in record]
-    steps = [step for record in measured if (step := record.step(channel)) is not None]
+    steps = steps_of(records, channel)
     return float(np.median(steps)) if 2 * len(steps) > len(records) else None
 
 
