@@ -1,4 +1,4 @@
-"""What a stage remembers of the starts that were refitted."""
+"""What a stage remembers of the starts that were refitted, and where the way of a fit ends."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import pytest
 
 import vdmsi_jax as vj
 from vdmsi_jax.diagnose.actuator.hypothesis import Hypothesis
-from vdmsi_jax.diagnose.actuator.refit import refit
+from vdmsi_jax.diagnose.actuator.refit import at_rest, refit
 from vdmsi_jax.diagnose.actuator.stage import Stage
 from vdmsi_jax.diagnose.prepare import stage_of
 from vdmsi_jax.diagnose.signals.noise import OwnNoise
@@ -77,3 +77,19 @@ def test_what_was_given_up_is_taken_up_where_what_was_better_is_gone(stage, call
     (other,) = refit(stage, [far], rounds=1, further=0, worth=worth, reach=1e-9)
     assert calls
     assert other is not both[0]
+
+
+def test_a_model_at_rest_is_the_same_wherever_its_way_began(stage):
+    """One step from each start leaves them apart."""
+    left = refit(stage, [lag(stage, 0.1), lag(stage, 2.0)], rounds=1, steps=1, further=0)
+    near, far = (at_rest(stage, f) for f in left)
+    assert left[0].loglik - left[1].loglik > 10.0
+    assert near.loglik == pytest.approx(far.loglik, abs=0.1)
+    np.testing.assert_allclose(near.hypothesis.theta, far.hypothesis.theta, rtol=1e-3)
+
+
+def test_a_model_at_rest_stays_as_it_is(stage):
+    (fit,) = refit(stage, [lag(stage, 0.3)])
+    rested = at_rest(stage, fit)
+    assert rested.loglik >= fit.loglik
+    assert at_rest(stage, rested).loglik == pytest.approx(rested.loglik, abs=0.1)

@@ -46,6 +46,7 @@ _FAR = 10.0  # gain of a round, above which another follows
 _KINDS = 3  # of causes, whose best starts are never given up
 _FORMS = 3  # of the first of these, likewise
 _FEW = 8  # lanes, for which differences cost next to nothing
+_RESTS, _FITS_TO_REST = 0.1, 10  # gain of a fit more after which a model is at rest, and how many
 _DAMPINGS = (0.1, 3.0, 100.0)
 
 
@@ -100,6 +101,18 @@ def refit(
         how = rounds, steps, further, worth, reach, most
         tried.update(zip(new, _fitted(stage, lanes, *how), strict=True))
     return [fit for key in keys if (fit := tried[key].fit) is not None]
+
+
+def at_rest(stage: Stage, fit: Refit) -> Refit:
+    """The same model at the end of its way, where it does not hang on the last digits of a
+    computation: fitted among many, a model is left where slopes that are old helped no more."""
+    for _ in range(_FITS_TO_REST):
+        (more,) = refit(stage, [fit.hypothesis])
+        gained = 2.0 * (more.loglik - fit.loglik)
+        fit = more if gained > 0.0 else fit
+        if gained < _RESTS:
+            break
+    return fit
 
 
 def _lanes(stage: Stage, hypotheses: Sequence[Hypothesis]) -> list[Lane]:

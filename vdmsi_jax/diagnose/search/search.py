@@ -2,7 +2,7 @@
 and what data held out bear out of it."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from ..actuator import swing
 from ..actuator.feedback import is_answered
 from ..actuator.hypothesis import Refit, cleared
 from ..actuator.outcome import completed
-from ..actuator.refit import PATIENT, refit
+from ..actuator.refit import PATIENT, at_rest, refit
 from ..actuator.screen import acts_in_steps
 from ..actuator.stage import Stage
 from ..actuator.starts import errs_slowly, hilly
@@ -29,6 +29,7 @@ from .rivals import findings_of, worths
 from .selection import climbed
 
 SWAPS = 3
+_MOVED = 1.0  # gain on the way to rest, after which a cause may have become needless
 SWAPPED = 2.0  # by which another cause must be better to take a place
 _AGAIN = 2  # failures after which the way is gone again without what failed
 _MUCH, SURE = 0.4, 2.5  # share of the error, and standard errors, that data held out bear out
@@ -135,7 +136,7 @@ def _search(stage: Stage, may_step: bool = False) -> Search:
     now, seen = climbed(stage, plain, grid)
     path = _Path()
     while True:
-        now = eliminate(stage, now, seen, path.borne)
+        now = _settled(stage, now, seen, path.borne)
         findings = worths(stage, now)
         found = _whole(whole, stage, plain, grid, now, findings)
         worst = _failing(found)
@@ -173,6 +174,15 @@ def _search(stage: Stage, may_step: bool = False) -> Search:
             return replace(found, findings=told, failed=failed)
         path.borne |= set(more.hypothesis.active) - set(now.hypothesis.active)
         path.swaps, now = 0, more
+
+
+def _settled(stage: Stage, now: Refit, seen: dict[tuple, Refit], borne: Collection[int]) -> Refit:
+    """A model without what is needless in it, at the end of its way: from there, little must not
+    decide what a cause is worth on data held out."""
+    least = eliminate(stage, now, seen, borne)
+    rested = at_rest(stage, least) if least.hypothesis.active else least
+    moved = 2.0 * (rested.loglik - least.loglik) > _MOVED
+    return eliminate(stage, rested, seen, borne) if moved else rested
 
 
 def _takes_over(stage: Stage, now: Refit, other: Refit, seen: Mapping[tuple, Refit]) -> bool:
