@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from vdmsi_jax.diagnose.body.body import BANK, CAUSES, INDEX, WINDOW, Body, increments
-from vdmsi_jax.diagnose.body.fit import BodyFit, fit_body
+from vdmsi_jax.diagnose.body.fit import fit_body
+from vdmsi_jax.diagnose.body.lane import BodyFit
 from vdmsi_jax.diagnose.body.search import BodySearch, body_price, body_score, search_body
 from vdmsi_jax.diagnose.findings.body_naming import of_body
 from vdmsi_jax.diagnose.findings.budget import of_turning

@@ -5,14 +5,16 @@ import pytest
 
 from vdmsi_jax.diagnose.residual.families import (
     MEMORY,
-    PLAIN,
-    Explained,
-    better_than,
-    explained,
     of_body,
     of_plant,
     of_swing,
     plays,
+)
+from vdmsi_jax.diagnose.residual.regression import (
+    PLAIN,
+    Explained,
+    better_than,
+    explained,
     weighed,
 )
 from vdmsi_jax.diagnose.signals.windows import history

@@ -8,7 +8,7 @@ import pytest
 
 from vdmsi_jax.diagnose.actuator.hypothesis import Refit
 from vdmsi_jax.diagnose.answer.result import Estimate
-from vdmsi_jax.diagnose.body.fit import BodyFit
+from vdmsi_jax.diagnose.body.lane import BodyFit
 from vdmsi_jax.diagnose.body.search import BodyFinding
 from vdmsi_jax.diagnose.findings.minor import (
     Weighed,

@@ -24,11 +24,11 @@ from vdmsi_jax.diagnose.residual.families import (
     OF_STATES,
     PACE,
     PACE_BY_OTHER,
-    Explained,
     Family,
 )
 from vdmsi_jax.diagnose.residual.leftover import is_rounding, of_a_kind, steps_of, taken_for_noise
 from vdmsi_jax.diagnose.residual.of_plant import _MOST
+from vdmsi_jax.diagnose.residual.regression import Explained
 from vdmsi_jax.diagnose.residual.remains import Remains, unexplained
 from vdmsi_jax.diagnose.signals.chain import bands, regress
 from vdmsi_jax.diagnose.signals.unexplained import BURSTS, SMALL, beside_response

@@ -43,7 +43,7 @@ def looked_at(monkeypatch, first, takes_over, fails, without, smaller=None):
         "baselines": lambda stage: {(1, 0): first},
         "score": lambda stage, fit: 0.0,
         "climbed": lambda stage, plain, grid: (first, {}),
-        "eliminate": lambda stage, now, seen, borne: now,
+        "_settled": lambda stage, now, seen, borne: now,
         "worths": lambda stage, now: (now,),
         "_whole": lambda whole, stage, plain, grid, now, findings: Found(now, findings),
         "_failing": failing,

@@ -5,7 +5,7 @@
 Drives of the generator without a cause, with seeds that no hunt has. Of each, every cause that the
 search refits says how much of twice the log-likelihood it gains over the best plain plant, before
 data held out are asked; its price (`vdmsi_jax/diagnose/search/price.py`) must be above that.
-Likewise the kinds of error without a name (`vdmsi_jax/diagnose/residual/families.py`). A line for
+Likewise the kinds of error without a name (`vdmsi_jax/diagnose/residual/regression.py`). A line for
 each drive goes to FOLDER/results.jsonl, a rerun does what is missing, and FOLDER/README.md tells
 what came of it.
 """
@@ -84,8 +84,8 @@ def gains(logs: Sequence) -> Line:
 def _actuator(whole, spec, causes: dict, kinds: dict):
     """Adds what causes and kinds gain on an actuator; returns its plain model."""
     from vdmsi_jax.diagnose.actuator.outcome import completed
-    from vdmsi_jax.diagnose.residual.families import weighed
     from vdmsi_jax.diagnose.residual.questions import asked
+    from vdmsi_jax.diagnose.residual.regression import weighed
     from vdmsi_jax.diagnose.search.baseline import baselines
     from vdmsi_jax.diagnose.search.found import Search
     from vdmsi_jax.diagnose.search.price import score
@@ -104,8 +104,8 @@ def _actuator(whole, spec, causes: dict, kinds: dict):
 
 def _vehicle(runs, body, plain, causes: dict, kinds: dict) -> None:
     """Adds what causes and kinds gain on the body."""
-    from vdmsi_jax.diagnose.residual.families import weighed
     from vdmsi_jax.diagnose.residual.questions import asked_of_body
+    from vdmsi_jax.diagnose.residual.regression import weighed
 
     for label, gain, price in _of_body(body, plain):
         _most(causes, label, gain, price)
@@ -151,7 +151,7 @@ def _kinds(kinds: dict, found: Iterable) -> None:
 
 def report(lines: Sequence[Line]) -> str:
     """What was found, as text."""
-    from vdmsi_jax.diagnose.residual.families import HELD, SURE
+    from vdmsi_jax.diagnose.residual.regression import HELD, SURE
 
     over = [any(g > p for g, p in line["causes"].values()) for line in lines]
     parts = [

@@ -7,7 +7,8 @@ import numpy as np
 from ...threads import each
 from ..signals.colour import whiten
 from .body import CAUSES, INDEX, Body
-from .fit import BodyFit, BodyLane, bounds, slopes
+from .fit import bounds, slopes
+from .lane import BodyFit, BodyLane
 
 _LAGGING = ("sensor_lag", "sensor_delay")
 

@@ -10,7 +10,8 @@ from jaxtyping import Float
 
 from ..answer.result import Detectable
 from ..body.body import CAUSES, INDEX
-from ..body.fit import BodyLane, bounds, slopes
+from ..body.fit import bounds, slopes
+from ..body.lane import BodyLane
 from ..body.screen import may_join
 from ..body.search import BodySearch
 from .detectability import ALIKE, SURE, open_about

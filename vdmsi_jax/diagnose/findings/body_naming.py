@@ -10,7 +10,7 @@ from ...effects.bank import STEEPEST
 from ...effects.yaw_offset import YawOffset
 from ..answer.result import Estimate, Rival
 from ..body.body import ASKEW, CAUSES, INDEX, Body, BodyCause
-from ..body.fit import BodyFit
+from ..body.lane import BodyFit
 from ..body.search import BodySearch
 from ..search.found import MARGIN
 from .naming import CLEAR, Named, one_each

@@ -6,7 +6,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ..answer.result import Budget
-from ..body.fit import BodyFit, residual, with_only
+from ..body.fit import residual, with_only
+from ..body.lane import BodyFit
 from ..body.search import BodySearch, judges_of
 from ..search.found import Search
 from ..search.judge import shapley

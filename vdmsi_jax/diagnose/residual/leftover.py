@@ -12,7 +12,8 @@ from ..answer.result import Unexplained
 from ..search.search import lasts
 from ..signals.colour import unsteadiness
 from ..signals.unexplained import PUZZLING, SMALL, extent
-from .families import HYSTERESIS, PACE, Explained
+from .families import HYSTERESIS, PACE
+from .regression import Explained
 
 LOUD = 100.0
 """Of twice the log-likelihood, from which a cause that fails on other data is told."""

@@ -8,7 +8,8 @@ import numpy as np
 from ...threads import each
 from ..answer.result import Unexplained
 from ..body.body import CAUSES, Body
-from ..body.fit import BodyFit, residual
+from ..body.fit import residual
+from ..body.lane import BodyFit
 from ..body.search import BodyFinding, BodySearch
 from ..signals.colour import whiten
 from ..signals.disturbance import demands, moving, scores
@@ -16,7 +17,6 @@ from ..signals.noise import slow_noise
 from ..signals.runs import Runs
 from ..signals.unexplained import SMALL, beside_response, events, slow_error, structure
 from . import stand_ins
-from .families import explained, weighed
 from .heading import by_heading
 from .leftover import (
     LOUD,
@@ -29,6 +29,7 @@ from .leftover import (
     taken_for_noise,
 )
 from .questions import asked_of_body
+from .regression import explained, weighed
 
 _JUMPS = 10.0  # `disturbance.scores` of events, from which a pose surely jumps: clean drives of two
 # exams had up to 7.8, jumps of a satellite receiver 13

@@ -24,7 +24,6 @@ from ..signals.unexplained import (
     structure,
 )
 from . import stand_ins
-from .families import explained, weighed
 from .leftover import (
     LOUD,
     SEEN,
@@ -36,6 +35,7 @@ from .leftover import (
     taken_for_noise,
 )
 from .questions import asked, evenly_of
+from .regression import explained, weighed
 from .travelled import line_over
 
 _STEP = 0.1  # by which what repeats with the place may differ from the step of a rounding

@@ -1,5 +1,5 @@
-"""What to ask `families` about an error: which kinds of it, of a plant's response or of a yaw rate,
-with what stands beside them."""
+"""What to ask `regression` about an error: which kinds of it, of a plant's response or of a yaw
+rate, with what stands beside them."""
 
 import numpy as np
 
@@ -7,7 +7,8 @@ from ...config import PlantSpec
 from ..actuator import swing
 from ..actuator.stage import Stage
 from ..body.body import Body
-from ..body.fit import BodyFit, residual
+from ..body.fit import residual
+from ..body.lane import BodyFit
 from ..signals.angle import derived, steering_angle
 from ..signals.runs import Runs
 from ..signals.windows import thinned
@@ -25,7 +26,7 @@ def asked(
     evenly: np.ndarray | float = 1.0,
     frequency: float | None = None,
 ) -> Question:
-    """What to ask `families.weighed` about a plant whose model responds with `y`; `evenly` makes
+    """What to ask `regression.weighed` about a plant whose model responds with `y`; `evenly` makes
     its noise as large everywhere. The command is that of the row before, since a controller may
     have made that of the row itself of the row's noise. With a `frequency`, Hz, what swings so is
     asked alone, of what was fitted: each run has its own phase.

@@ -16,8 +16,9 @@ from ..search.found import PlantFinding, Search
 from ..search.judge import Scored
 from ..signals.runs import Runs
 from ..signals.unexplained import PUZZLING
-from .families import BY_DIRECTION, PACE, Explained, better_than, weighed
+from .families import BY_DIRECTION, PACE
 from .questions import asked, asked_of_body, by_name, evenly_of
+from .regression import Explained, better_than, weighed
 
 _LEVEL = 0.5  # of what an offset gains, which no kind tells, since a plant has it anyway
 _STILL = 0.3  # of what a cause does to a response, that it does at rest at the least

@@ -2,7 +2,7 @@
 
 Is the energy of short windows beyond what their spread allows (drop-outs, knocks)? Is the error on
 data held out larger than on those fitted? Is a slow error large beside the response? What kind of
-error it is, where it is of one that has no name in the library, `families` asks.
+error it is, where it is of one that has no name in the library, `regression` asks.
 """
 
 from collections.abc import Sequence
