@@ -5,14 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from vdmsi_jax.config import VehicleGeometry
+from vdmsi_jax.data.record import Record
 from vdmsi_jax.diagnose.body.body import BANK, CAUSES, INDEX, WINDOW, Body, increments
 from vdmsi_jax.diagnose.body.fit import fit_body
 from vdmsi_jax.diagnose.body.lane import BodyFit
 from vdmsi_jax.diagnose.body.search import BodySearch, body_price, body_score, search_body
 from vdmsi_jax.diagnose.findings.body_naming import of_body
 from vdmsi_jax.diagnose.findings.budget import of_turning
+from vdmsi_jax.diagnose.residual import of_body as of_body_left
 from vdmsi_jax.diagnose.residual.of_body import jumps_of_pose
 from vdmsi_jax.diagnose.signals.noise import Pair
+from vdmsi_jax.diagnose.signals.runs import lay_out
 from vdmsi_jax.models.bicycle import Bicycle
 
 DT, ROWS, FINE = 0.02, 2500, 20
@@ -207,9 +211,23 @@ def test_jumps_of_a_pose_are_told_by_their_moments(jump):
     plain = fit_body(body, [()])[0]
     found = BodySearch(body, plain, plain, ())
     left = jumps_of_pose((("run", 0.0),), found)
-    assert not jumps_of_pose((("run", 0.0),), found, made=True)
     assert [u.channel for u in left] == ["pose"] * (jump > 0.0)
     assert all(19.0 <= start and stop <= 23.0 for u in left for _, start, stop in u.when)
+
+
+@pytest.mark.parametrize("made", [False, True])
+def test_jumps_of_a_pose_are_asked_beside_a_speed_that_was_measured_alone(monkeypatch, made):
+    """One that was made of the position has them itself."""
+    body = swerving(0.3)
+    channels = {c: body.measured["forward"][0] for c in ("v", "v_cmd")}
+    log = Record.from_arrays(dt=DT, vehicle=VehicleGeometry(1.3, 1.3), **channels)
+    runs = lay_out([replace(log, windows={"v": 0.2} if made else {})])
+    for other in ("_of_yaw_rate", "_of_compass"):
+        monkeypatch.setattr(of_body_left, other, lambda *_: [])
+    monkeypatch.setattr(of_body_left.stand_ins, "of_body", lambda *_: [])
+    plain = fit_body(body, [()])[0]
+    found = of_body_left.BodyLeft.of(runs, BodySearch(body, plain, plain, ())).found
+    assert [u.channel for u in found] == ["pose"] * (not made)
 
 
 @pytest.mark.slow

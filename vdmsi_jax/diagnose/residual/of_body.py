@@ -33,9 +33,7 @@ from .regression import explained, weighed
 
 _JUMPS = 10.0  # `disturbance.scores` of events, from which a pose surely jumps: clean drives of two
 # exams had up to 7.8, jumps of a satellite receiver 13
-_PEAKED = (
-    10.0  # kurtosis of its innovations, from which half of that tells: clean drives had to 5.8
-)
+_PEAKED = 10.0  # kurtosis of its innovations, from which half of that tells: clean ones had to 5.8
 _OF_A_KIND = 0.5  # of a slow error of the yaw rate, that a kind explains which is no wind then
 
 
@@ -50,13 +48,10 @@ class BodyLeft:
     @classmethod
     def of(cls, runs: Runs, bodily: BodySearch) -> "BodyLeft":
         """Look at what the model leaves."""
-        looks = [
-            partial(_of_yaw_rate, runs, bodily),
-            partial(
-                jumps_of_pose, runs.begins, bodily, any("v" in r.windows for r in runs.records)
-            ),
-            partial(_of_compass, runs, bodily),
-        ]
+        looks = [partial(_of_yaw_rate, runs, bodily), partial(_of_compass, runs, bodily)]
+        # a speed that was made of the position has its jumps itself: errors of making it are left
+        if not any("v" in record.windows for record in runs.records):
+            looks.append(partial(jumps_of_pose, runs.begins, bodily))
         found = sum(each(lambda look: look(), looks), [])
         return cls(tuple(found), tuple(stand_ins.of_body(runs, bodily)))
 
@@ -67,15 +62,9 @@ def _left(body: Body, final: BodyFit, channel: str) -> tuple[np.ndarray, np.ndar
     return e, whiten(e[None], final.colour[channel][None])[0]
 
 
-def jumps_of_pose(
-    begins: tuple[tuple[str, float], ...], found: BodySearch, made: bool = False
-) -> list[Unexplained]:
+def jumps_of_pose(begins: tuple[tuple[str, float], ...], found: BodySearch) -> list[Unexplained]:
     """Jumps of the position: in the way over half a second, the larger of forward and aside. They
-    are the sensor's, or a start's: told, they leave the verdict on causes that were found. None
-    where the speed was `made` of the position: it has them itself, and what is left beside it are
-    errors of making it."""
-    if made:
-        return []
+    are the sensor's, or a start's: told, they leave the verdict on causes that were found."""
     body, final, left = found.body, found.final, []
     for c in ("forward", "aside"):
         if c in body.measured:

@@ -31,6 +31,7 @@ from .selection import climbed
 SWAPS = 3
 _MOVED = 1.0  # gain on the way to rest, after which a cause may have become needless
 SWAPPED = 2.0  # by which another cause must be better to take a place
+_SIMPLER = 3  # parameters less, from which on it may be worse by as much
 _AGAIN = 2  # failures after which the way is gone again without what failed
 _MUCH, SURE = 0.4, 2.5  # share of the error, and standard errors, that data held out bear out
 _SURER = 3.0  # standard errors likewise, of a cause that can draw nearly any error
@@ -186,9 +187,12 @@ def _settled(stage: Stage, now: Refit, seen: dict[tuple, Refit], borne: Collecti
 
 
 def _takes_over(stage: Stage, now: Refit, other: Refit, seen: Mapping[tuple, Refit]) -> bool:
-    """Whether a model with another cause in the place of one explains more."""
-    better = score(stage, other) >= score(stage, now) + SWAPPED
-    return better and not rings_rather(stage, now, other, seen)
+    """Whether a model with another cause in the place of one explains more, or as much with fewer
+    parameters: where a delay tells what a damped mode does, little of the mode is known."""
+    sizes = [f.hypothesis.size(stage) for f in (now, other)]
+    simpler = sizes[1] <= sizes[0] - _SIMPLER
+    least = score(stage, now) + (-SWAPPED if simpler else SWAPPED)
+    return score(stage, other) >= least and not rings_rather(stage, now, other, seen)
 
 
 def _failing(found: Search) -> int | None:
