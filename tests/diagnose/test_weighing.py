@@ -7,6 +7,7 @@ import pytest
 
 from vdmsi_jax.data.record import Record
 from vdmsi_jax.diagnose.answer.result import Estimate, Unexplained
+from vdmsi_jax.diagnose.findings.minor import SPOILS
 from vdmsi_jax.diagnose.findings.naming import Named
 from vdmsi_jax.diagnose.findings.rounding import quantised, tells_rounding
 from vdmsi_jax.diagnose.findings.verdict import _lost, _or_else
@@ -117,6 +118,26 @@ def test_what_a_sensor_that_drops_out_would_tell_is_minor(cause, where, channel,
     remains = Remains((Unexplained("v", 0.4, ("t",), kind=BURSTS),), ())
     told = replace(named(cause), where=where, channel=channel, search=None)
     assert bool(_lost(told, finding(cause, 0.8), remains, "forward", 0.8)) is minor
+
+
+@pytest.mark.parametrize(
+    ("channel", "after", "of_body", "minor"),
+    [
+        ("r", 1.3, False, True),
+        ("pose", 1.3, False, True),
+        ("v", 1.3, False, False),  # where nothing says that the vehicle moves otherwise
+        ("r", 1.05, False, False),
+        ("r", 1.3, True, False),
+    ],
+)
+def test_what_an_actuator_says_and_the_vehicle_does_not_do_is_minor(channel, after, of_body, minor):
+    """Wheels that spin: a limit of the speed's rate with which the path gets worse."""
+    remains = Remains((Unexplained(channel, 0.2, ("t",), size=0.2),), ())
+    told = named("rate_limit")
+    told = replace(told, search=None, where="vehicle") if of_body else told
+    found = finding("rate_limit", 0.5)
+    found = replace(found, gain=replace(found.gain, ate_before=1.0, ate_after=after))
+    assert (_lost(told, found, remains, "v", 0.5) == SPOILS) is minor
 
 
 @pytest.mark.parametrize(("cause", "share"), [("transport_delay", 0.43), ("resonance", 0.0)])

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..answer.result import RESTS, Finding
+from ..answer.result import RESTS, Finding, Gain
 from ..search.judge import NEARLY_ALL, Trial
 from ..signals.noise import BriefNoise
 from .everyday import is_everyday
@@ -239,11 +239,16 @@ def _ends(of: Weighed) -> bool:
 def _spoils(of: Weighed) -> bool:
     """Whether a cause that is not sure makes the path worse, the more so the more it takes, and the
     surer data held out bear it out."""
-    before, after = of.found.gain.ate_before, of.found.gain.ate_after
-    if before is None or after is None or of.found.statistic >= _FAINT:
+    if of.found.statistic >= _FAINT:
         return False
     slight = of.found.share < _LITTLE and of.trial.gain.sureness < _BORNE_OUT
-    return after > (_WORSE if slight else _MUCH_WORSE) * before
+    return worsens(of.found.gain, _WORSE if slight else _MUCH_WORSE)
+
+
+def worsens(gain: Gain, least: float = _WORSE) -> bool:
+    """Whether the path gets so many times worse with a cause."""
+    before, after = gain.ate_before, gain.ate_after
+    return before is not None and after is not None and after > least * before
 
 
 RULES: tuple[tuple[str, Callable[[Weighed], bool]], ...] = (

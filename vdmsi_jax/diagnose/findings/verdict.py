@@ -30,7 +30,7 @@ from .channels import channel_scores, responses, units_of
 from .extension import extended_model, plain_model
 from .looked import Looked
 from .merging import merged, of_yaw_rate
-from .minor import LITTLE, SLOW, SPOILS, Weighed, changes_somehow, crowd, overshadowed
+from .minor import LITTLE, SLOW, SPOILS, Weighed, changes_somehow, crowd, overshadowed, worsens
 from .naming import Named, of_stage, with_form
 from .road import Road
 from .rounding import COARSE, quantised, tells_rounding
@@ -357,6 +357,8 @@ def _lost(cause: Named, found: Finding, remains: Remains, channel: str, share: f
         return "a load that a controller answers is much larger"
     if remains.echoes(channel, found.share, found.statistic, cause.hides_small):
         return "a controller makes the commands, which may know what else is wrong"
+    if cause.search is not None and remains.moves_otherwise and worsens(found.gain):
+        return SPOILS
     # that the vehicle moves faster than its speed says is told by that sensor, too
     sensor = "v" if cause.cause == "speed_scale" else cause.channel
     stands_still = remains.stands_still(found.cause, cause.channel)

@@ -159,6 +159,12 @@ class Remains:
         """Channels whose measurement drops out."""
         return self._in_bursts(_MOSTLY)
 
+    @cached_property
+    def moves_otherwise(self) -> bool:
+        """Whether the yaw rate or the pose has structure, so that a vehicle may not do what speed
+        and angle say: wheels that spin, an encoder off its centre."""
+        return any(u.channel in ("r", "pose") for u in self.structure)
+
     def stands_still(self, cause: str, channel: str | None) -> bool:
         """Whether the lag of a sensor may be that of a measurement that stands still now and then,
         as of messages that freeze."""
