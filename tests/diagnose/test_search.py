@@ -4,6 +4,8 @@ import inspect
 from dataclasses import dataclass
 from types import SimpleNamespace
 
+import pytest
+
 from vdmsi_jax.diagnose.search import search
 
 
@@ -79,3 +81,20 @@ def test_what_fails_in_a_large_plant_comes_again_in_a_smaller_one_and_not_back(m
     seen, found = looked_at(monkeypatch, large, large, {large, small}, bare, small)
     assert seen == [large, small, bare]
     assert found.final is bare and len(found.failed) == 1
+
+
+@pytest.mark.parametrize(
+    ("better", "fewer", "takes"),
+    [(2.5, 0, True), (1.0, 0, False), (-1.5, 3, True), (-2.5, 3, False), (1.0, 2, False)],
+)
+def test_of_two_models_as_likely_the_one_with_fewer_parameters_is_told(
+    monkeypatch, better, fewer, takes
+):
+    """A damped mode of three, which a delay of one tells as well in a plant without a zero."""
+    now, other = (
+        SimpleNamespace(score=s, hypothesis=SimpleNamespace(size=lambda stage, n=n: n))
+        for s, n in ((100.0, 9), (100.0 + better, 9 - fewer))
+    )
+    monkeypatch.setattr(search, "score", lambda stage, fit: fit.score)
+    monkeypatch.setattr(search, "rings_rather", lambda *_: False)
+    assert inspect.unwrap(search._takes_over)(None, now, other, {}) is takes
