@@ -90,7 +90,7 @@ def test_what_fails_in_a_large_plant_comes_again_in_a_smaller_one_and_not_back(m
 def test_of_two_models_as_likely_the_one_with_fewer_parameters_is_told(
     monkeypatch, better, fewer, takes
 ):
-    """A damped mode of three, which a delay of one tells as well in a plant without a zero."""
+    """A damped mode of four, which a delay of one tells as well in a plant of the same order."""
     now, other = (
         SimpleNamespace(score=s, hypothesis=SimpleNamespace(size=lambda stage, n=n: n))
         for s, n in ((100.0, 9), (100.0 + better, 9 - fewer))

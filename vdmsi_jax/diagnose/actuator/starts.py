@@ -317,9 +317,10 @@ def _fitted(
     ones = np.ones((len(rows), 1, seen.shape[1]))
     shape = np.concatenate([rows, ones], axis=1)
     size = np.sqrt(np.mean(shape**2, axis=2))
-    shape /= np.where(size > 0.0, size, 1.0)[..., None]
+    size = np.where(size > 0.0, size, 1.0)
+    shape /= size[..., None]
     normal = shape @ np.swapaxes(shape, 1, 2)
     normal += 1e-12 * seen.shape[1] * np.eye(shape.shape[1])
     found = np.linalg.solve(normal, shape @ seen[..., None])
     errors = np.sum((seen - np.sum(shape * found, axis=1)) ** 2, axis=1)
-    return errors, list((found[..., 0] / np.where(size > 0.0, size, 1.0))[:, :-1])
+    return errors, list((found[..., 0] / size)[:, :-1])

@@ -16,6 +16,7 @@ RIDGE = 1e-4
 """Of the samples, of each weight: a hundredth of a standard deviation."""
 
 _SHRUNK = 0.1  # the same for weights of many shapes, of which only all together mean anything
+
 PACE = "a time constant that changes with the state"
 """The kind of what changes how fast a response moves, and not where it comes to rest."""
 
@@ -42,6 +43,7 @@ _WAVES, _FEWEST = 128, 16  # shapes, fewer in short logs
 _BANDWIDTH = 1.6  # rad by which a shape turns over a standard deviation of all states, typically
 _SPANS, _EFFORTS = (0.3, 1.0, 3.0, 10.0), (1.0, 5.0)  # time constants of the plant, of its past
 _LOOPS = (0.08, 0.25)  # widths of plays that it remembers by, of the range
+
 EACH = 15
 """Samples, at the least, for each weight."""
 

@@ -187,8 +187,8 @@ def _settled(stage: Stage, now: Refit, seen: dict[tuple, Refit], borne: Collecti
 
 
 def _takes_over(stage: Stage, now: Refit, other: Refit, seen: Mapping[tuple, Refit]) -> bool:
-    """Whether a model with another cause in the place of one explains more, or as much with fewer
-    parameters: where a delay tells what a damped mode does, little of the mode is known."""
+    """Whether a model with another cause in the place of one explains more, or as much with clearly
+    fewer parameters: where a delay tells what a damped mode does, little of the mode is known."""
     sizes = [f.hypothesis.size(stage) for f in (now, other)]
     simpler = sizes[1] <= sizes[0] - _SIMPLER
     least = score(stage, now) + (-SWAPPED if simpler else SWAPPED)
