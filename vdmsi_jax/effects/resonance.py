@@ -22,7 +22,9 @@ class Resonance(AbstractEffect):
     frequency: Float[Array, ""] = parameter("Hz", "of the undamped mode", off=1.0, lower=0.0)
     damping: Float[Array, ""] = parameter("1", "damping ratio", off=0.1, lower=0.005, upper=0.25)
     share: Float[Array, ""] = parameter("1", "weight of the mode", lower=-8.0, upper=1.0)
-    lead: Float[Array, ""] = parameter("1", "of the rate of the mode, by its frequency")
+    lead: Float[Array, ""] = parameter(
+        "1", "of the rate of the mode, by its frequency", lower=-8.0, upper=8.0
+    )
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
         slow = max(2.0 / scales.duration, 0.05 / scales.time_constant)
