@@ -10,9 +10,6 @@ import numpy as np
 from ...config import PlantSpec
 from ...data.record import Record
 from ..actuator.hypothesis import Refit
-from ..actuator.manoeuvres import better, separate
-from ..actuator.refit import refit
-from ..actuator.screen import screen
 from ..answer.result import Budget, Detectable, Diagnosis, Finding, Rival, Unexplained
 from ..answer.words import apart, in_words, sentence, summary
 from ..body.body import ASKEW, CAUSES
@@ -24,9 +21,10 @@ from ..search.judge import Scored, Trial, confirmed, gain_of
 from ..signals.angle import steering_angle
 from ..signals.runs import Runs
 from .body_detectability import detectable_in_body
-from .body_naming import SEEN_BY_POSE, of_body
+from .body_naming import of_body
 from .budget import of_channel, of_path, of_turning
 from .channels import channel_scores, responses, units_of
+from .experiment import experiment
 from .extension import extended_model, plain_model
 from .looked import Looked
 from .merging import merged, of_yaw_rate
@@ -263,7 +261,7 @@ class Evidence:
                 before = min(before, road.baseline_mean)
             gain = replace(gain, ate_before=before, ate_after=after)
         open_ = [r for r in cause.rivals if r.indistinguishable]
-        experiment = self._experiment(cause, open_) if open_ else None
+        settles = experiment(cause, open_, self.bodily) if open_ else None
         found = Finding(
             cause=cause.cause,
             where=cause.where,
@@ -276,28 +274,10 @@ class Evidence:
             predicted_gain=trial.predicted,
             share=share,
             rivals=cause.rivals,
-            separating_experiment=experiment,
+            separating_experiment=settles,
             sentence="",
         )
         return replace(found, sentence=sentence(found))
-
-    def _experiment(self, cause: Named, rivals: Sequence[Rival]) -> str:
-        if cause.body is not None:
-            posed = self.bodily is not None and "aside" in self.bodily.body.measured
-            if not posed and all(r.cause in SEEN_BY_POSE for r in rivals):
-                return _POSE
-            return better(CAUSES[cause.body.number].effect, [r.cause for r in rivals])
-        assert cause.search is not None and cause.finding is not None
-        for k, _ in cause.finding.others:
-            slot = cause.search.stage.slots[k]
-            if any((slot.cause, slot.where) == (r.cause, r.where) for r in rivals):
-                other = _in_place(cause.search, cause.finding.less, k)
-                return separate(cause.search.stage, cause.search.final, other)
-        for beside in cause.search.findings:
-            slot = cause.search.stage.slots[beside.number]
-            if any((slot.cause, slot.where) == (r.cause, r.where) for r in rivals):
-                return separate(cause.search.stage, beside.less, cause.finding.less)
-        return _SENSOR
 
     def _road(self) -> Road | None:
         if self.bodily is None or "forward" not in self.bodily.body.measured:
@@ -382,13 +362,6 @@ def _doubt(shares: Mapping[str, float], cause: Named, trial: Trial) -> float:
     return max(shares.get(c, 0.0) for c in channels)
 
 
-def _in_place(found: Search, less: Refit, number: int) -> Refit:
-    """The model with another cause in the place of one; itself where it has that, in some form."""
-    alone = found.stage.but(set(found.stage.allowed) - {number})
-    starts = [c.beside(less.hypothesis) for c in screen(alone, less)[:1]]
-    return next(iter(refit(found.stage, starts)), less)
-
-
 def _chi_squared(statistic: float, freedom: int) -> float:
     """Probability that a chi-squared variable exceeds `statistic`, by its finite sums."""
     x, k = 0.5 * max(statistic, 0.0), freedom
@@ -398,14 +371,3 @@ def _chi_squared(statistic: float, freedom: int) -> float:
     tail = math.erfc(math.sqrt(x))
     terms = [x ** (i + 0.5) / math.gamma(i + 1.5) for i in range(k // 2)]
     return tail + (math.exp(-x) * sum(terms) if x < 700 else 0.0)
-
-
-_POSE = (
-    "log the pose, heading included, beside the yaw rate: it tells how far the vehicle has come, "
-    "and where to"
-)
-
-_SENSOR = (
-    "log the yaw rate and the pose beside this channel: a sensor's fault is not seen in them, "
-    "and an actuator's is"
-)
