@@ -346,10 +346,10 @@ def main(arguments: list[str] | None = None) -> None:
     """Run a command and leave with its exit code: 0 when it finished, 2 for input that is refused,
     with one line on standard error."""
     arguments = sys.argv[1:] if arguments is None else arguments
-    if arguments == ["--version"]:
-        print(f"vdmsi {__version__}")
-        return
     try:
+        if arguments == ["--version"]:
+            print(f"vdmsi {__version__}", flush=True)
+            return
         with _plain_warnings():
             call_of(arguments, COMMANDS)()
     except InputError as refused:

@@ -54,7 +54,7 @@ def _delayed(command: Command) -> Callable[..., Callable[[], None]]:
 
 def _misused(arguments: list[str], commands: Mapping[str, Command]) -> InputError | None:
     """Why arguments that cannot be parsed are wrong, where it is a command or an option that there
-    is not, or --out that is missing; None where it is another thing."""
+    is not, --out that is missing, or what should be a number; None where it is another thing."""
     name, *given = arguments or [""]
     if name not in commands:
         if not name or name.startswith("-"):
@@ -72,4 +72,18 @@ def _misused(arguments: list[str], commands: Mapping[str, Command]) -> InputErro
             return InputError(name, option, "there is no such option", mend)
     if "--out" not in named:
         return InputError(name, "--out", "is missing", "give --out DIR, to write to")
+    numbers = {f"--{p.name}" for p in own if isinstance(p.default, float)}
+    for word, following in zip(given, [*given[1:], ""], strict=True):
+        option, joined, value = word.partition("=")
+        told = value if joined else following
+        if option in numbers and not _is_number(told):
+            return InputError(name, option, f"{told!r} is no number", "give one")
     return None
+
+
+def _is_number(told: str) -> bool:
+    try:
+        float(told)
+    except ValueError:
+        return False
+    return True

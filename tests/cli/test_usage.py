@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import jaxlib
 import numpy as np
@@ -141,6 +142,22 @@ def test_a_command_runs_on_the_platform_that_a_user_names():
 )
 def test_what_cannot_be_a_file_is_refused_in_one_line(here, tmp_path, log, said):
     assert said in refused(here("identify", log, "--out", tmp_path, "--no-report"))
+
+
+@pytest.mark.parametrize("said", [["--window", "abc"], ["--window=abc"], ["--window"]])
+def test_what_should_be_a_number_is_refused_in_one_line(here, said):
+    told = refused(here("simulate", "model.json", "log.csv", "--out", "o", *said))
+    assert told.startswith("vdmsi: simulate: --window: ")
+    assert "is no number" in told
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
+def test_a_version_that_cannot_be_written_is_refused_in_one_line():
+    with open("/dev/full", "w") as full:
+        asked = [sys.executable, "-m", "vdmsi_jax", "--version"]
+        ended = subprocess.run(asked, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert ended.returncode == 2
+    assert ended.stderr.count("\n") == 1
 
 
 def test_the_package_is_a_program_too():
