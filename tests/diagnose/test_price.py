@@ -63,6 +63,28 @@ def test_what_first_moves_the_wrong_way_pays_more_than_what_is_late():
     assert second_order(3.0) - second_order(-3.0) > late + 10.0
 
 
+@pytest.mark.parametrize(
+    ("share", "lead", "late"),
+    [
+        (0.6, 0.02, False),  # a rope and its load
+        (-0.05, -0.18, False),  # zeros hardly beyond the axis, as light modes may have them
+        (1.0, -0.03, False),  # one zero, too far off to tell
+        (0.75, -0.82, True),  # a delay of a drive that had been told so
+        (-2.24, -2.34, True),  # that of a small car's steering
+    ],
+)
+def test_a_mode_that_answers_late_pays_as_a_delay_does(share, lead, late):
+    number = [slot.cause for slot in STAGE.slots].index("resonance")
+
+    def with_mode(share: float, lead: float) -> float:
+        theta = STAGE.off.copy()
+        theta[[0, POLES]] = 1.0
+        theta[list(STAGE.slots[number].index)] = 2.0, 0.06, share, lead
+        return price(STAGE, Hypothesis(1, 0, (number,), theta))
+
+    assert (with_mode(share, lead) > with_mode(0.5, 0.0)) is late
+
+
 @pytest.mark.parametrize(("seconds", "worth"), [(0.02, False), (1.0, True), (np.inf, True)])
 def test_a_drift_that_is_over_at_once_is_worth_nothing(seconds, worth):
     """In runs of 4 s."""

@@ -14,6 +14,8 @@ from ..actuator.stage import Stage
 from ..actuator.starts import added, number_of, plant, shifted_by
 
 _BEHIND = ((2, 0), (2, 1), (3, 1), (3, 2))  # orders that may lie behind a delay
+_BACKWARD = 0.1  # of their distance to the origin, by which zeros of a mode are beyond the axis: of
+# modes that there were, at most 0.04; of those that told a delay, from 0.2 on
 _LINGERS = 2.5  # over the length of the runs, the fastest pole that may tell an offset by its start
 _NEVER = 2.0  # times the gain without a mode that lingers, beyond which its own is never reached
 _LEVEL = 0.05  # of the response, by which it is tried to be off
@@ -23,6 +25,17 @@ def backward(h: Hypothesis) -> np.ndarray:
     """Zeros of a plant in the right half plane, in its unit of frequency."""
     zeros = np.roots(h.num)
     return zeros[zeros.real > 0.0]
+
+
+def rings_backward(stage: Stage, h: Hypothesis) -> bool:
+    """Whether a resonance has zeros in the right half plane, far from the axis along which light
+    modes have theirs: what it does then is to answer late, as a rational function."""
+    mode = next((stage.slots[k] for k in h.active if stage.slots[k].cause == "resonance"), None)
+    if mode is None:
+        return False
+    _, damping, share, lead = h.theta[list(mode.index)]
+    zeros = np.roots([1.0 - share, 2.0 * damping * (1.0 - share) + lead, 1.0])
+    return bool(zeros.size == 2 and np.any(zeros.real > _BACKWARD * np.abs(zeros)))
 
 
 def lingers(stage: Stage, h: Hypothesis) -> bool:

@@ -8,17 +8,17 @@ from ...effects.periodic_disturbance import PeriodicDisturbance
 from ..actuator import swing
 from ..actuator.hypothesis import GROWTH, Hypothesis, Refit, growth
 from ..actuator.stage import Slot, Stage
-from .disguise import backward, lingers
+from .disguise import backward, lingers, rings_backward
 
 # What causes gain on drives without any stands in docs/calibration, by tests/hidden/calibrate.py.
 ORDER_COST = 10.0  # of each coefficient of the plant, in twice the log-likelihood
 CAUSE_COST = 20.0  # of a cause, beside
 PARAMETER_COST = 8.0  # of each of its parameters
 DISGUISED_COST = CAUSE_COST + PARAMETER_COST
-"""Of zeros in the right half plane: an actuator that first moves the wrong way is a delay told by
-a rational function, and pays as one. Likewise a mode that the command does not move and that
-outlasts the runs: it is an offset. One that swings through all of them is a periodic disturbance,
-and pays as that."""
+"""Of zeros in the right half plane, a plant's or a resonance's: an actuator that first moves the
+wrong way is a delay told by a rational function, and pays as one. Likewise a mode that the command
+does not move and that outlasts the runs: it is an offset. One that swings through all of them is a
+periodic disturbance, and pays as that."""
 RARE_COST = 20.0
 """Of zeros in the right half plane, beside: hardly an actuator first moves the wrong way, and most
 are late. Not where a cause is told, beside which they tell what its form lacks."""
@@ -74,7 +74,7 @@ def _is_over(stage: Stage, h: Hypothesis, slot: Slot) -> bool:
 def _plant_price(stage: Stage, h: Hypothesis) -> float:
     wrong_way = bool(backward(h).size)
     cost = ORDER_COST * (h.poles + h.zeros + 1) + RARE_COST * (wrong_way and not h.active)
-    cost += DISGUISED_COST * (wrong_way + lingers(stage, h))
+    cost += DISGUISED_COST * (wrong_way + rings_backward(stage, h) + lingers(stage, h))
     line = CAUSE_COST + PARAMETER_COST * _SWING_WEIGHT + PHASE_COST * (len(stage.u) - 1)
     each = 0.5 * line - ORDER_COST  # of the two poles that are counted
     return cost + each * int(np.sum(swing.goes_on(stage, np.roots(h.den))))
