@@ -5,20 +5,24 @@ The steps work on `Rows`, the rows of a table that are left so far, in the order
 calls them.
 """
 
-from collections.abc import Callable, Mapping
+import contextlib
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..config import Config
+from ..config import Config, Derivation
 from ..errors import InputError
 from ..units import UNITS
+from .expressions import parse
 from .resample import sample_period
 
 USUAL_GAP = 5.0
 """Sample periods that a hole may last, where the configuration says nothing."""
 
 _LONG_BEFORE = 1e6  # s, from which a clock began before the log: epochs, weeks of a satellite
+_MOST = 0.8  # of the rows, in which a channel is that was logged row by row
+_MERGED = 0.2  # of a column's cells, from which more are empty than get lost
 _SLOWEST, _FASTEST = (
     1.0,
     1e-4,
@@ -150,6 +154,7 @@ def period_of(rows: Rows, config: Config) -> float:
         if raw.run is not None:
             mend += ", or name another column in [columns] run"
         raise InputError(raw.source, "", problem, mend) from None
+    period = max(period, _fastest_of(rows))
     is_vehicle = any(channel in config.canonical for channel in raw.channels)
     place = f"column {raw.columns['t']!r}"
     if is_vehicle and "t" not in config.units and period >= _SLOWEST:
@@ -163,6 +168,21 @@ def period_of(rows: Rows, config: Config) -> float:
             raw.source, place, problem, "give the unit that the time column is written in"
         )
     return period
+
+
+def _fastest_of(rows: Rows) -> float:
+    """The shortest period of a channel, s: where messages of several rates were laid into one
+    table, rows are much closer to each other, and none of the channels is in most of them. Zero
+    where a channel is in nearly all."""
+    periods = []
+    for values in rows.raw.channels.values():
+        there = np.flatnonzero(np.isfinite(values[rows.index]))
+        if there.size > _MOST * rows.index.size:
+            return 0.0
+        fresh = np.diff(np.cumsum(rows.fresh)[there], prepend=-1) > 0
+        with contextlib.suppress(ValueError):
+            periods.append(sample_period(rows.t[there], fresh))
+    return min(periods, default=0.0)
 
 
 def unwrap(rows: Rows, config: Config) -> None:
@@ -196,6 +216,11 @@ def mend_missing(rows: Rows, config: Config, gap: float) -> None:
             place = f"{raw.line(int(rows.index[k]))}, column {raw.columns[name]!r}"
             problem = f"the cell is empty or not finite ({count} such cells in the column)"
             mend = 'mend them, or set [prepare] missing = "gap", "hold" or "interpolate"'
+            if count > _MERGED * bad.size:
+                mend = (
+                    "if messages of several rates were laid into one table, set [prepare] missing "
+                    '= "interpolate" (commands are held) and duplicates = "drop"'
+                )
             raise InputError(raw.source, place, problem, mend)
         if policy != "gap":
             held = policy == "hold" or is_held(name, config)
@@ -299,7 +324,22 @@ def stretches(fresh: np.ndarray) -> list[tuple[int, int]]:
 
 
 def is_held(channel: str, config: Config) -> bool:
-    """Whether a channel is a command, which keeps its value between rows: by its name, or as the
-    input of a plant that is no measurement of a vehicle."""
+    """Whether a channel is a command, which keeps its value between rows: by its name, as the input
+    of a plant that is no measurement of a vehicle, or as what a command is made of."""
     inputs = {plant.input for plant in config.plants} - set(config.canonical)
-    return channel.endswith("_cmd") or channel in config.prepare.hold or channel in inputs
+
+    def commands(name: str) -> bool:
+        return name.endswith("_cmd") or name in config.prepare.hold or name in inputs
+
+    if commands(channel):
+        return True
+    answers = {*config.canonical, *(plant.output for plant in config.plants)}
+    made = [how for name, how in config.derive.items() if commands(name)]
+    return channel not in answers and any(channel in _made_of(how, config.source) for how in made)
+
+
+def _made_of(how: Derivation, source: str) -> Collection[str]:
+    """The channels that a derived one is made of."""
+    if how.expression is None:
+        return {how.speed, how.steering, how.yaw_rate}
+    return parse(how.expression, source=source, place="[derive]").names

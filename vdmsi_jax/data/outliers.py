@@ -1,5 +1,6 @@
 """Outliers of a sensor: samples that stand alone, far from those about them."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -30,36 +31,54 @@ def without_outliers(record: Record) -> tuple[Record, dict[str, int]]:
     in process modeling and identification (2002).
     """
     inputs = {plant.input for plant in record.plants} | {"v_cmd", "delta_cmd"}
-    pulses = np.zeros(record.n, bool)
-    for name in inputs & set(record.channels):
-        for segment in record.segments:
-            pulses[segment.samples] |= _answering(_far(record[name][segment.samples]))
+    pieces = [segment.samples for segment in record.segments]
+    commands = [record[name] for name in inputs & set(record.channels)]
+    pulses = answering(commands, pieces, record.n)
     channels, filled, counts = dict(record.channels), dict(record.filled), {}
     for name in record.channels:
         if name in inputs:
             continue
         values = np.unwrap(record[name]) if name == "psi" else record[name]
-        alone = np.zeros(record.n, bool)
-        for segment in record.segments:
-            own = values[segment.samples]
-            usual = _step(own)
-            far = _far(own, usual) & ~_turning(own)
-            # between two outliers a signal steps back and forth as well
-            far |= _there_and_back(own, usual) & ~_about(far).any(axis=1)
-            alone[segment.samples] = _short(far)
-            alone[segment.start : segment.start + _stale(own)] = True
-        alone &= record.measured(name) & ~pulses
-        if not 0 < alone.sum() <= _RARE * record.n:
-            continue
-        mended = values.copy()
-        for segment in record.segments:
-            at = np.arange(segment.start, segment.stop)
-            bad = alone[at]
-            if bad.any() and not bad.all():
-                mended[at[bad]] = np.interp(at[bad], at[~bad], values[at[~bad]])
-        channels[name], filled[name] = mended, ~record.measured(name) | alone
-        counts[name] = int(alone.sum())
+        alone = standing_alone(values, pieces, record.measured(name) & ~pulses)
+        if alone.any():
+            channels[name] = values.copy()
+            for piece in pieces:
+                at, bad = np.arange(piece.start, piece.stop), alone[piece]
+                if bad.any() and not bad.all():
+                    channels[name][at[bad]] = np.interp(at[bad], at[~bad], values[at[~bad]])
+            filled[name] = ~record.measured(name) | alone
+            counts[name] = int(alone.sum())
     return (replace(record, channels=channels, filled=filled), counts) if counts else (record, {})
+
+
+def answering(
+    commands: Iterable[Float[np.ndarray, " n"]], pieces: Sequence[slice], n: int
+) -> Bool[np.ndarray, " n"]:
+    """Samples at which a command stands out, or did a little before: what a response does then may
+    be its answer."""
+    pulses = np.zeros(n, bool)
+    for values in commands:
+        for piece in pieces:
+            far = _far(values[piece])
+            pulses[piece] |= np.convolve(far, np.ones(_ANSWERS + 1))[: far.size] > 0
+    return pulses
+
+
+def standing_alone(
+    values: Float[np.ndarray, " n"], pieces: Sequence[slice], asked: Bool[np.ndarray, " n"]
+) -> Bool[np.ndarray, " n"]:
+    """Outliers among the samples that are asked; none where they are too many for accidents."""
+    alone = np.zeros(values.size, bool)
+    for piece in pieces:
+        own = values[piece]
+        usual = _step(own)
+        far = _far(own, usual) & ~_turning(own)
+        # between two outliers a signal steps back and forth as well
+        far |= _there_and_back(own, usual) & ~_about(far).any(axis=1)
+        alone[piece] = _short(far)
+        alone[piece.start : piece.start + _stale(own)] = True
+    alone &= asked
+    return alone if alone.sum() <= _RARE * values.size else np.zeros_like(alone)
 
 
 def _far(x: Float[np.ndarray, " n"], usual: float = 0.0) -> Bool[np.ndarray, " n"]:
@@ -153,8 +172,3 @@ def _short(far: Bool[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
         if stop - first > _LONGEST:
             kept[first:stop] = False
     return kept
-
-
-def _answering(far: Bool[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-    """Samples at which something far is, or was a little before."""
-    return np.convolve(far, np.ones(_ANSWERS + 1))[: far.size] > 0

@@ -4,7 +4,7 @@ Nothing is mended in silence: every step that changes something adds a sentence 
 `repairs`.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -24,19 +24,22 @@ from .mend import (
     cut_warm_up,
     is_held,
     mend_missing,
+    moment,
     period_of,
     select_rows,
     stretches,
     unwrap,
 )
+from .outliers import answering, standing_alone
 from .record import Record, Segment
-from .resample import Grid, hold, interpolate, make_grid, rounded, touched
+from .resample import Grid, hold, interpolate, make_grid, measured, rounded
 from .unasked import unasked
 from .undeclared import refuse_undeclared
 
 _FINEST = 100  # samples that may be made of one row
 _ROUNDING = 0.02  # how far the period of an uneven log may move to become a rounder number
 _WIDEST = 0.5 * np.pi  # rad, that a wheel is turned
+_MANY = 0.5  # of the rows, that a log keeps whose cells are rarely empty
 _BETWEEN_RUNS = 1.0  # s between runs whose clocks restarted
 
 
@@ -87,16 +90,21 @@ def prepare(raw: Raw, config: Config, windows: Mapping[str, float] | None = None
         place = f"column {raw.columns[name]!r}"
         refuse_absurd(raw.source, place, values[rows.index])
         if name in STEERING_CHANNELS and config.vehicle is not None:
-            _refuse_degrees(raw.source, place, name, values[rows.index])
+            _refuse_degrees(raw.source, place, name, values[rows.index], config)
     return _assemble(rows, config, period, windows or {})
 
 
-def _refuse_degrees(source: str, place: str, name: str, angles: np.ndarray) -> None:
+def _refuse_degrees(source: str, place: str, name: str, angles: np.ndarray, config: Config) -> None:
     """Refuse angles that no road wheel has."""
     usual = float(np.nanquantile(np.abs(angles), 0.99)) if np.isfinite(angles).any() else 0.0
     if usual > _WIDEST:
         problem = f"a steering angle of {usual:.3g} rad turns wheels beyond across"
-        mend = f'say so if it is in degrees, [units] {name} = "deg", or name a road-wheel angle'
+        degrees = f'say so if it is in degrees, [units] {name} = "deg"; '
+        wheel = (
+            f"make a steering wheel's angle, [columns] wheel = ..., that of the road wheels: "
+            f'[derive] {name} = {{ expression = "wheel / 16", unit = "rad" }}'
+        )
+        mend = wheel if name in config.units else degrees + wheel
         raise InputError(source, place, problem, mend)
 
 
@@ -108,12 +116,14 @@ def _assemble(rows: Rows, config: Config, period: float, windows: Mapping[str, f
     absent = np.concatenate([grid.absent for grid in grids])
     values: dict[str, np.ndarray] = {}
     filled: dict[str, np.ndarray] = {}
+    uneven = [at for at, grid in zip(pieces, grids, strict=True) if not grid.even]
+    _leave_out_outliers(rows, config, uneven)
     for name in raw.channels:
         on_grid = hold if is_held(name, config) else interpolate
         values[name] = _each(on_grid, grids, raw.channels[name][rows.index], pieces)
         mask = absent
         if name in rows.filled:
-            mask = mask | _each(touched, grids, rows.filled[name], pieces)
+            mask = mask | ~_each(measured, grids, ~rows.filled[name], pieces)
         if mask.any():
             filled[name] = mask.copy()
     runs = [raw.name if raw.run is None else str(raw.run[rows.index[at.start]]) for at in pieces]
@@ -141,17 +151,50 @@ def _assemble(rows: Rows, config: Config, period: float, windows: Mapping[str, f
         vehicle=config.vehicle,
         plants=_plants(config, channels.values),
         filled=channels.filled,
-        steps={} if all(grid.even for grid in grids) else _steps(rows, config),
+        steps=_steps(rows, config) if uneven else {},
         windows={name: how.window for name, how in more.items() if how.window is not None},
         file=raw.source,
     )
 
 
+def _leave_out_outliers(rows: Rows, config: Config, pieces: Sequence[slice]) -> None:
+    """Take what stands alone out of uneven pieces, before it is interpolated: that would make two
+    or three samples of it that no longer stand alone."""
+    raw, n = rows.raw, rows.index.size
+    columns = {name: values[rows.index] for name, values in raw.channels.items()}
+    commands = [values for name, values in columns.items() if is_held(name, config)]
+    pulses = answering(commands, pieces, n)
+    for name, values in columns.items():
+        if is_held(name, config):
+            continue
+        filled, bad = rows.filled.get(name, np.zeros(n, dtype=bool)), np.zeros(n, dtype=bool)
+        for at in pieces:
+            known = at.start + np.flatnonzero(~filled[at])
+            alone = standing_alone(values[known], [slice(0, known.size)], ~pulses[known])
+            bad[known[alone]] = True
+            here, kept = np.arange(at.start, at.stop)[(filled | bad)[at]], known[~alone]
+            if alone.any():
+                values[here] = np.interp(rows.t[here], rows.t[kept], values[kept])
+        if not bad.any():
+            continue
+        raw.channels[name] = raw.channels[name].copy()
+        raw.channels[name][rows.index] = values
+        rows.filled[name] = filled | bad
+        rows.told.append(
+            f"left out {counted(bad, 'sample')} of {name} far from those about, as outliers of a "
+            f"sensor are, the first {moment(rows.t, int(np.argmax(bad)))}"
+        )
+
+
 def _steps(rows: Rows, config: Config) -> dict[str, float]:
     """Sizes of the steps in which measurements were logged."""
-    columns = rows.raw.channels.items()
-    own = {k: lattice_step(x[rows.index]) for k, x in columns if not is_held(k, config)}
-    return {k: step for k, step in own.items() if step is not None}
+    found = {}
+    for name, values in rows.raw.channels.items():
+        known = ~rows.filled.get(name, np.zeros(rows.index.size, dtype=bool))
+        step = None if is_held(name, config) else lattice_step(values[rows.index[known]])
+        if step is not None:
+            found[name] = step
+    return found
 
 
 def _each(
@@ -178,6 +221,8 @@ def _grids(rows: Rows, config: Config, period: float) -> tuple[list[slice], list
     if not long:
         problem = f"no stretch without a gap has the {enough} samples of {dt:g} s that are needed"
         mend = "give a longer log, or change [prepare] dt, gap or min_segment"
+        if config.prepare.missing == "gap" and rows.index.size < _MANY * rows.raw.t.size:
+            mend = 'most rows lack a channel: set [prepare] missing = "interpolate"'
         raise InputError(rows.raw.source, "", problem, mend)
     if len(long) < len(grids):
         lost = rows.index.size - sum(grids[k].position.size for k in long)

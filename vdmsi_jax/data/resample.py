@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+_CLOSE = 1.75  # samples between two rows, between which all are measured: jitter leaves some out
 _LOBES = 10  # of the sinc on either side; sets the width of the filter's transition
 
 
@@ -157,11 +158,16 @@ def interpolate(grid: Grid, values: Float[np.ndarray, " rows"]) -> Float[np.ndar
     return antialias(fine, grid.every)[:: grid.every]
 
 
-def touched(grid: Grid, mask: Bool[np.ndarray, " rows"]) -> Bool[np.ndarray, " samples"]:
-    """Samples that stem from a marked row."""
-    return (np.interp(np.arange(grid.points), grid.position, mask.astype(float)) > 0.0)[
-        :: grid.every
-    ]
+def measured(grid: Grid, known: Bool[np.ndarray, " rows"]) -> Bool[np.ndarray, " samples"]:
+    """Samples that rows tell in which a channel was measured: the nearest of each such row, and
+    those between two rows that are hardly farther apart than samples are."""
+    own = grid.position[known] / grid.every
+    told = np.zeros(grid.samples, dtype=bool)
+    if own.size:
+        told[np.clip(np.round(own).astype(int), 0, grid.samples - 1)] = True
+        after = np.searchsorted(own, np.arange(grid.samples)).clip(1, own.size - 1)
+        told |= np.diff(own, prepend=-np.inf)[after] < _CLOSE
+    return told
 
 
 def _row_before(grid: Grid) -> Int[np.ndarray, " points"]:

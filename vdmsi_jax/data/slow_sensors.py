@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..config import CANONICAL
 from .record import Record
 
 _LATEST = 2.0  # times the usual distance of its samples, beyond which one is missing
@@ -16,8 +17,9 @@ def between_their_samples(record: Record) -> tuple[Record, dict[str, float]]:
     next. Commands stay as they are, and so does what is missing for longer.
     """
     inputs = {plant.input for plant in record.plants} | {"v_cmd", "delta_cmd"}
+    answers = {*CANONICAL, *(plant.output for plant in record.plants)} - inputs
     channels, filled, found = dict(record.channels), dict(record.filled), {}
-    for name in record.filled.keys() - inputs:
+    for name in [name for name in record.filled if name in answers]:
         at = [np.flatnonzero(record.measured(name)[s.samples]) + s.start for s in record.segments]
         steps = np.concatenate([np.diff(own) for own in at])
         usual = float(np.median(steps)) if steps.size else 1.0

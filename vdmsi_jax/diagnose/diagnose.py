@@ -246,37 +246,27 @@ def _once(records: list[Record]) -> tuple[list[Record], list[str]]:
 def _among_their_like(records: list[Record]) -> tuple[list[Record], list[str]]:
     """The records without outliers of their sensors, which no cause of a library makes, and what is
     left out."""
-    return _each_mended(
-        records,
-        without_outliers,
-        "{number} samples of {channel} stand alone, far from those about them, as outliers of a "
-        "sensor do: left out.",
-    )
+    pairs = [without_outliers(record) for record in records]
+    told = [
+        f"{record.log}: {number} samples of {channel} stand alone, far from those about them, as "
+        f"outliers of a sensor do: left out."
+        for record, counts in pairs
+        for channel, number in counts.items()
+    ]
+    return [record for record, _ in pairs], told
 
 
 def _at_their_rate(records: list[Record]) -> tuple[list[Record], list[str]]:
     """The records with lines between the samples of sensors slower than they, and what is said."""
-    return _each_mended(
-        records,
-        between_their_samples,
-        "{channel} was measured every {number:.3g} s, and is taken to go straight from one "
-        "sample to the next.",
-    )
-
-
-def _each_mended(
-    records: list[Record],
-    mend: Callable[[Record], tuple[Record, Mapping[str, float]]],
-    said: str,
-) -> tuple[list[Record], list[str]]:
-    """The records after a mend that gives a number for each channel that it touched, and a sentence
-    about each."""
-    pairs = [mend(record) for record in records]
-    told = [
-        f"{record.log}: {said.format(channel=channel, number=number)}"
-        for record, numbers in pairs
-        for channel, number in numbers.items()
-    ]
+    pairs = [between_their_samples(record) for record in records]
+    names = dict.fromkeys(channel for _, slow in pairs for channel in slow)
+    told = []
+    for name in names:
+        steps = sorted({f"{slow[name]:.3g}" for _, slow in pairs if name in slow}, key=float)
+        told.append(
+            f"{name} was measured every {' to '.join(steps[:1] + steps[1:][-1:])} s, and is taken "
+            f"to go straight from one sample to the next."
+        )
     return [record for record, _ in pairs], told
 
 

@@ -1,0 +1,90 @@
+"""Messages of several rates in one table, a row for each stamp."""
+
+import numpy as np
+import pytest
+
+import vdmsi_jax as vj
+from small_logs import write_csv
+from vdmsi_jax.config import Config, Derivation, Prepare
+from vdmsi_jax.data import read_log
+from vdmsi_jax.data.slow_sensors import between_their_samples
+from vdmsi_jax.errors import InputError
+
+SECONDS = 40.0
+RATES = {"wheel": 20.0, "v": 50.0, "x": 10.0}
+TRUTH = {
+    "wheel": lambda t: 5.0 * np.sign(np.sin(0.9 * t)),
+    "v": lambda t: 2.0 + np.sin(0.7 * t),
+    "x": lambda t: 30.0 * np.sin(0.05 * t),
+}
+WHEEL = {"delta_cmd": Derivation(expression="wheel / 16", unit="rad")}
+
+
+def table(spoilt: float | None = None, seed: int = 0) -> dict[str, np.ndarray]:
+    """Stamps that jitter by a tenth of each one's period; `spoilt` is one measurement of v."""
+    rng = np.random.default_rng(seed)
+    parts = []
+    for name, rate in RATES.items():
+        stamps = np.arange(0.0, SECONDS, 1.0 / rate)
+        stamps = np.round(stamps + rng.uniform(0.0, 0.1 / rate, stamps.size), 6)
+        values = TRUTH[name](stamps)
+        if name == "v":
+            values = values + 1e-3 * rng.standard_normal(values.size)
+            if spoilt is not None:
+                values[values.size // 2] = spoilt
+        cells = {other: np.full(stamps.size, np.nan) for other in RATES} | {name: values}
+        parts.append({"t": stamps} | cells)
+    rows = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    order = np.argsort(rows["t"], kind="stable")
+    return {name: values[order] for name, values in rows.items()}
+
+
+def read(tmp_path, columns, missing="interpolate") -> vj.Record:
+    path = write_csv(tmp_path / "run.csv", columns)
+    mend = Prepare(missing=missing, duplicates="drop")
+    named = {"wheel": "wheel"}
+    return read_log(path, Config(columns=named, prepare=mend, derive=WHEEL))
+
+
+def test_a_log_has_the_period_of_its_fastest_channel(tmp_path):
+    assert read(tmp_path, table()).dt == pytest.approx(0.02, rel=0.01)
+
+
+def test_each_channel_counts_where_it_was_measured(tmp_path):
+    log = read(tmp_path, table())
+    assert log.measured("v").mean() > 0.98
+    assert log.measured("x").mean() == pytest.approx(0.2, abs=0.02)
+    _, slow = between_their_samples(log)
+    assert slow == {"x": pytest.approx(0.1, rel=0.02)}
+
+
+def test_measurements_are_interpolated_from_their_own_stamps(tmp_path):
+    log = read(tmp_path, table())
+    for name, bends in (("v", 0.49 * 0.022**2), ("x", 0.075 * 0.11**2)):
+        known = log.measured(name)
+        off = log[name][known] - TRUTH[name](log.t[known])
+        assert np.abs(off).max() < bends / 8.0 + (5e-3 if name == "v" else 1e-9)
+
+
+def test_what_a_command_is_made_of_is_held(tmp_path):
+    """Between its messages it keeps its value; a line would say something between."""
+    log = read(tmp_path, table())
+    told = 16.0 * log["delta_cmd"]
+    between = np.abs(np.abs(told) - 5.0) > 1e-6
+    changes = np.count_nonzero(np.diff(np.sign(np.sin(0.9 * log.t))))
+    assert 0 < between.sum() <= changes  # means over the samples in which it changes
+
+
+@pytest.mark.parametrize("spoilt", [-9999.0, 4.0])
+def test_an_outlier_is_taken_out_before_it_is_interpolated(tmp_path, spoilt):
+    log = read(tmp_path, table(spoilt))
+    assert any("left out 1 sample of v" in told for told in log.repairs)
+    assert np.abs(log["v"] - TRUTH["v"](log.t)).max() < 0.02
+    assert not log.measured("v")[np.abs(log.t - 0.5 * SECONDS) < 0.011].all()
+
+
+@pytest.mark.parametrize(("missing", "told"), [("refuse", "several rates"), ("gap", "most rows")])
+def test_a_refusal_says_how_such_a_table_is_read(tmp_path, missing, told):
+    with pytest.raises(InputError, match=told) as refused:
+        read(tmp_path, table(), missing)
+    assert 'missing = "interpolate"' in str(refused.value)
