@@ -188,6 +188,17 @@ def extended(sizes):
     return vehicle(Understeer(gradient), TyreRelaxation(length), steering=steering)
 
 
+def test_vehicles_with_effects_in_their_plants_are_stacked_too():
+    drive = commands()
+    vehicles = [extended(sizes) for sizes in SIZES]
+    many = simulate_many(stack_vehicles(vehicles), drive)
+    for lane, own in enumerate(vehicles):
+        np.testing.assert_allclose(many.x[lane], simulate(own, drive).x, atol=METRES)
+    other = vehicle(*vehicles[0].effects, steering=ExtendedPlant(STEERING, (Backlash(0.02),)))
+    with pytest.raises(ValueError, match="of one kind"):
+        stack_vehicles([vehicles[0], other])
+
+
 SIZES = jnp.array([[0.033, 0.02, 0.003, 0.4], [0.0, 0.0, 0.0, 0.0], [0.01, 0.05, -0.001, 0.1]])
 
 

@@ -19,6 +19,7 @@ from vdmsi_jax.models.extended_plant import ExtendedPlant
 from vdmsi_jax.models.following import FollowedAtOnce, RateLimited
 from vdmsi_jax.models.transfer_function import TransferFunction
 from vdmsi_jax.models.vehicle import SpeedInput, Vehicle, stack_vehicles
+from vdmsi_jax.scenarios import bend
 from vdmsi_jax.simulate import (
     RESULTS,
     Arcs,
@@ -167,8 +168,15 @@ def test_batches_must_agree():
 def test_what_cannot_be_stacked_is_refused():
     with pytest.raises(ValueError, match="speed_input"):
         stack_vehicles([VEHICLES["VDM-SI"], VEHICLES["velocity"]])
-    with pytest.raises(ValueError, match="not linear"):
-        stack_vehicles([Vehicle(BICYCLE, RateLimited(1.0))])
+    with pytest.raises(ValueError, match="of one kind"):
+        stack_vehicles([Vehicle(BICYCLE, RateLimited(1.0)), VEHICLES["VDM"]])
+
+
+def test_a_track_is_no_record_of_commands_and_has_some():
+    with pytest.raises(TypeError, match="Track"):
+        simulate(VEHICLES["VDM"], bend())
+    drive = bend().commands(BICYCLE, speed=2.0)
+    assert simulate(VEHICLES["VDM"], drive).ok
 
 
 def mean_ate(vehicle, drive, truth, method):

@@ -142,8 +142,8 @@ def diagnose(
 ) -> None:
     """Say what the simulation gets wrong, why, and what an extended model gains.
 
-    Writes diagnosis.json, model.json (the extended model, which `vdmsi simulate` takes), and
-    report.html.
+    Writes diagnosis.json, model.json (the extended model with all that is significant, which `vdmsi
+    simulate` takes), and report.html.
 
     Args:
         logs: CSV or NPZ files of one vehicle; of several, a third judges what the others
@@ -198,7 +198,8 @@ def sweep(
     go on where it was stopped.
 
     Args:
-        config: TOML file with a [sweep] table: logs, their configurations, and the orders.
+        config: TOML file with a [sweep] table, of logs and their configurations, and an [identify]
+            table, of the orders.
         out: folder to write to and to take up again.
         report: write report.html.
         cache: keep compiled programs for the next time.

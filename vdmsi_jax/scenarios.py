@@ -145,7 +145,8 @@ class Track:
 
 
 def bend(*, radius: float = 20.0, angle: float = math.pi / 2, straight: float = 20.0) -> Track:
-    """The paper's first track: a bend (90° of 20 m) to the left between two straights (m)."""
+    """The paper's first track: a bend (90° of 20 m) to the left between two straights (m), which
+    `bend().commands(bicycle, speed=PAPER_SPEED)` drives along."""
     return Track((straight, radius * angle, straight), (0.0, 1.0 / radius, 0.0))
 
 

@@ -48,7 +48,12 @@ class Cell:
 
     @property
     def name(self) -> str:
-        return f"{self.log.parent.name}/{self.log.name} {self.plant.name}"
+        return f"{self.log_name} {self.plant.name}"
+
+    @property
+    def log_name(self) -> str:
+        """The log with its folder."""
+        return f"{self.log.resolve().parent.name}/{self.log.name}"
 
     def kept(self) -> dict[str, Any] | None:
         """The result of an earlier run, if it was made from the same input."""
@@ -117,7 +122,7 @@ def plan(config: str | Path, out: str | Path) -> list[Cell]:
                 problem = f"there is no plant {name!r}"
                 raise InputError(sweep.source, f"{place} plants", problem, nearest(name, plants))
             key = _fingerprint(log, own.path, plants[name], options)
-            file = folder / _file_name(f"{log.parent.name}.{log.stem}.{name}", key)
+            file = folder / _file_name(f"{log.resolve().parent.name}.{log.stem}.{name}", key)
             if any(file == cell.file and key != cell.key for cell in cells):
                 file = file.with_name(f"{file.stem}.{key[:_MARK]}.json")
             cells.append(Cell(log, own.path, plants[name], options, key, file))
@@ -137,7 +142,7 @@ def summarise(cells: Sequence[Cell], results: Sequence[dict[str, Any]]) -> list[
     """One row per cell: the chosen order and its scores, or why there is none."""
     rows = []
     for cell, result in zip(cells, results, strict=True):
-        row = {"log": f"{cell.log.parent.name}/{cell.log.name}", "plant": cell.plant.name}
+        row = {"log": cell.log_name, "plant": cell.plant.name}
         if "refused" in result:
             rows.append(row | {"refused": result["refused"]})
             continue

@@ -157,8 +157,6 @@ def show_diagnosis(diagnosis: "Diagnosis") -> None:
     OUT.print(f"{verdict(diagnosis)}.", style="bold", soft_wrap=True)
     for i, finding in enumerate(diagnosis.findings, start=1):
         _say(f"{i}. {finding.sentence}")
-        if finding.separating_experiment:
-            _say(f"   To settle it, drive: {finding.separating_experiment}")
     rows = [
         [
             f"{i}. {in_words(finding.cause)}",

@@ -153,3 +153,28 @@ def test_units_read_as_people_write_them():
     assert unit_label("throttle", "1") == "throttle"
     assert unit_label("MSE", squared_unit("rad")) == "MSE (rad²)"
     assert unit_label("MSE", squared_unit("m/s")) == "MSE ((m/s)²)"
+
+
+def test_clocks_and_maps_that_count_from_afar_are_drawn_from_the_start(results):
+    """Stamps of an epoch and coordinates of a whole country have digits that no axis has room
+    for."""
+    _, comparison = results
+    near, places = comparison.record, np.array([6.9e5, 5.3e6])
+    moved = dict(near.channels)
+    for name, far in zip(("x", "y"), places, strict=True):
+        moved[name] = near[name] + far
+    record = dataclasses.replace(near, t=near.t + 1.7e9, channels=moved)
+    predictions = {
+        name: dataclasses.replace(
+            one,
+            channels=one.channels
+            | {axis: one.channels[axis] + p for axis, p in zip("xy", places, strict=True)},
+        )
+        for name, one in comparison.predictions.items()
+    }
+    far = dataclasses.replace(comparison, record=record, predictions=predictions)
+    for draw in (plots.paths, plots.channels, plots.translation_error):
+        for axes in draw(far).axes:
+            assert max(np.abs(axes.dataLim.get_points()).ravel()) < 1e4
+    (axes,) = plots.paths(far).axes
+    assert axes.get_xlabel() == "x from the start (m)"

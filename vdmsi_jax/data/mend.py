@@ -17,10 +17,12 @@ from ..units import UNITS
 from .expressions import parse
 from .resample import sample_period
 
+LONG_BEFORE = 1e6
+"""Seconds from which a clock began before the log: epochs, weeks of a satellite."""
+
 USUAL_GAP = 5.0
 """Sample periods that a hole may last, where the configuration says nothing."""
 
-_LONG_BEFORE = 1e6  # s, from which a clock began before the log: epochs, weeks of a satellite
 _MOST = 0.8  # of the rows, in which a channel is that was logged row by row
 _MERGED = 0.2  # of a column's cells, from which more are empty than get lost
 _SLOWEST, _FASTEST = (
@@ -306,7 +308,7 @@ def cut_gaps(rows: Rows, gap: float) -> None:
 def moment(t: np.ndarray, k: int) -> str:
     """When a row is: `at 12.3 s`, or where a log counts seconds from long before it, `12.3 s after
     its first row`."""
-    if abs(t[0]) < _LONG_BEFORE:
+    if abs(t[0]) < LONG_BEFORE:
         return f"at {t[k]:g} s"
     return f"{t[k] - t[0]:g} s after its first row"
 

@@ -88,26 +88,37 @@ class Vehicle(eqx.Module):
 def stack_vehicles(vehicles: Sequence[Vehicle]) -> Vehicle:
     """One batched vehicle out of many, whatever the orders of their plants.
 
-    Plants are realised at the greatest order among them, and a missing delay or offset becomes
-    zero where another vehicle has one; neither changes a response. The result goes to
-    `simulate_many` or under `jax.vmap`.
+    Linear plants are realised at the greatest order among them, and a missing delay or offset
+    becomes zero where another vehicle has one; neither changes a response. Plants with effects are
+    stacked as they are, which takes vehicles of one kind. The result goes to `simulate_many` or
+    under `jax.vmap`.
 
     Raises:
-        ValueError: there is none, a plant is not linear, or `speed_input` or the kinds of effects
-            differ. (Vehicles of one kind, whatever is in them, are stacked by
-            `jax.tree.map(lambda *x: jnp.stack(x), *vehicles)`.)
+        ValueError: there is none, `speed_input` or the kinds of effects differ, or a plant with
+            effects stands beside one of another kind.
     """
     if len({vehicle.speed_input for vehicle in vehicles}) != 1:
         raise ValueError("give at least one vehicle, all with the same speed_input")
     if len({jax.tree.structure(vehicle.effects) for vehicle in vehicles}) != 1:
         raise ValueError("give vehicles with the same kinds of effects, those not wanted off")
-    powertrains = _at_common_order([vehicle.powertrain for vehicle in vehicles])
-    steerings = _at_common_order([vehicle.steering for vehicle in vehicles])
+    powertrains = _of_one_kind([vehicle.powertrain for vehicle in vehicles])
+    steerings = _of_one_kind([vehicle.steering for vehicle in vehicles])
     parts = [
         Vehicle(vehicle.bicycle, powertrain, steering, vehicle.speed_input, vehicle.effects)
         for vehicle, powertrain, steering in zip(vehicles, powertrains, steerings, strict=True)
     ]
     return jax.tree.map(lambda *leaves: jnp.stack(leaves), *parts)
+
+
+def _of_one_kind(plants: Sequence[AbstractPlant]) -> Sequence[AbstractPlant]:
+    try:
+        return _at_common_order(plants)
+    except ValueError as why:
+        shapes = {str(jax.tree.map(jnp.shape, plant)) for plant in plants}
+        if len({jax.tree.structure(plant) for plant in plants}) == len(shapes) == 1:
+            return plants
+        problem = "a plant with effects stands beside one with others, or of another order"
+        raise ValueError(f"{problem}; give vehicles of one kind") from why
 
 
 def _at_common_order(plants: Sequence[AbstractPlant]) -> list[LinearPlant]:

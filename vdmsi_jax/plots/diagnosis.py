@@ -12,7 +12,7 @@ from ..diagnose.answer.document import left_over, title
 from ..diagnose.answer.result import Budget, Diagnosis, Finding, Path, Response
 from ..diagnose.answer.words import disturbed, in_words, verdict
 from .overlays import BASELINE, EXTENDED, best_window, draw_residuals, draw_signals, judged_run
-from .signals import NAMES
+from .signals import NAMES, map_axes
 from .style import (
     COLOURS,
     INK,
@@ -31,6 +31,7 @@ CAUSES = ("#e69f00", "#56b4e9", "#cc79a7", "#d55e00", "#f0e442", "#8da0cb", "#a6
 NOISE, UNEXPLAINED = "#d5d9de", "#6b7280"
 PATHS = 4
 """Held-out drives that are drawn one below the other, at most."""
+_MOST = 101.0  # %, up to which an axis of FIT goes
 _LEGEND = ["baseline", "without", "with, ±1.96 se", "predicted", "noise ceiling"]
 
 
@@ -154,7 +155,7 @@ def _draw_gains(axes: Axes, d: Diagnosis) -> None:
     _rows(axes, labels)
     low, high = axes.dataLim.x0, axes.dataLim.x1
     margin = max(0.08 * (high - low), 0.5)  # percent; a finer scale would only show rounding
-    axes.set_xlim(low - margin, high + margin)
+    axes.set_xlim(low - margin, min(high + margin, _MOST))
     axes.ticklabel_format(axis="x", useOffset=False)
     drawn, labels = axes.get_legend_handles_labels()
     order = [labels.index(label) for label in sorted(labels, key=_LEGEND.index)]
@@ -307,16 +308,14 @@ def _distance(path: Path, poses: np.ndarray) -> np.ndarray:
 
 def _draw_path(axes: Axes, path: Path) -> None:
     step = max(1, len(path.t) // 3000)
+    origin = map_axes(axes, path.measured[0, :2])
     options = {"color": COLOURS["measured"], "lw": 2.6, "alpha": 0.45, "label": "measured"}
-    axes.plot(*path.measured[::step, :2].T, **options)
+    axes.plot(*(path.measured[::step, :2] - origin).T, **options)
     for name, poses, tone in _simulated(path):
-        axes.plot(*poses[::step, :2].T, color=tone, lw=1.4, label=name)
-    x, y = path.measured[0, :2]
+        axes.plot(*(poses[::step, :2] - origin).T, color=tone, lw=1.4, label=name)
+    x, y = path.measured[0, :2] - origin
     axes.plot(x, y, "o", color=COLOURS["measured"], mfc="white", ms=6, mew=1.5, zorder=4)
     axes.annotate("start", (x, y), (6, 6), textcoords="offset points", fontsize=8)
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("x (m)")
-    axes.set_ylabel("y (m)")
     axes.set_title(f"path of {path.run}", pad=20)
     legend_above(axes)
 

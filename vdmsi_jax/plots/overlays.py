@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from ..config import CANONICAL
 from ..correlation import autocorrelation
 from ..diagnose.answer.result import Path, Response
-from .signals import NAMES
+from .signals import NAMES, map_axes
 from .style import (
     COLOURS,
     MUTED,
@@ -190,16 +190,16 @@ def on_path(response: Response, *paths: Path) -> Figure:
         for axes in line[len(row) :]:
             axes.remove()
         for axes, (name, pieces, means, model) in zip(line, row, strict=False):
-            axes.update_datalim(pieces.reshape(-1, 2))
+            places = pieces - map_axes(axes, pieces[0, 0])
+            axes.update_datalim(places.reshape(-1, 2))
             coloured = LineCollection(
-                list(pieces), array=means[model], cmap=tones, norm=tint, lw=5.0
+                list(places), array=means[model], cmap=tones, norm=tint, lw=5.0
             )
             axes.add_collection(coloured)
-            axes.set_aspect("equal", adjustable="datalim")
             axes.autoscale_view()
             axes.set_title(f"{name}, {model}" if len(drawn) > 1 else model)
-            axes.set_xlabel("x (m)")
-        line[0].set_ylabel("y (m)")
+        for axes in line[1:]:
+            axes.set_ylabel("")
     bottom, free = margins["bottom"] / height, height - margins["top"] - margins["bottom"]
     scale = figure.add_axes((1.0 - 1.05 / WIDTH, bottom, 0.12 / WIDTH, free / height))
     bar = figure.colorbar(ScalarMappable(tint, tones), cax=scale)

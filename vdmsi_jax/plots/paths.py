@@ -1,9 +1,10 @@
 """Where the vehicle went, where models say it went, and how far apart the two are."""
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from ..compare import Comparison, has_pose
-from .signals import with_gaps
+from .signals import map_axes, with_gaps
 from .style import COLOURS, WIDTH, colour, envelope, legend_above, styled
 
 
@@ -16,19 +17,19 @@ def paths(comparison: Comparison) -> Figure:
     axes = figure.subplots()
     moved = {"measured": record.channels} if has_pose(record.channels) else {}
     moved |= {name: p.channels for name, p in comparison.predictions.items() if p.has_path}
-    for name, channels in moved.items():
-        lw, alpha = (2.6, 0.45) if name == "measured" else (1.5, 1.0)
-        east, north = (with_gaps(record, channels[place])[1] for place in ("x", "y"))
-        axes.plot(east, north, color=colour(name), label=name, lw=lw, alpha=alpha)
     starts = [segment.start for segment in record.segments]
     first = next(iter(moved.values()))
-    axes.plot(
-        first["x"][starts], first["y"][starts], "o", color=COLOURS["measured"], mfc="white",
-        ms=6, mew=1.5, label="start", zorder=4,
-    )  # fmt: skip
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("x (m)")
-    axes.set_ylabel("y (m)")
+    origin = map_axes(axes, np.array([first["x"][0], first["y"][0]]))
+    for name, channels in moved.items():
+        lw, alpha = (2.6, 0.45) if name == "measured" else (1.5, 1.0)
+        east, north = (
+            with_gaps(record, channels[place] - zero)[1]
+            for place, zero in zip(("x", "y"), origin, strict=True)
+        )
+        axes.plot(east, north, color=colour(name), label=name, lw=lw, alpha=alpha)
+    begun = [first[place][starts] - zero for place, zero in zip(("x", "y"), origin, strict=True)]
+    mark = {"color": COLOURS["measured"], "mfc": "white", "ms": 6, "mew": 1.5, "zorder": 4}
+    axes.plot(*begun, "o", label="start", **mark)
     axes.set_title("path")
     legend_above(axes)
     return figure

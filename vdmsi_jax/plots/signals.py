@@ -5,10 +5,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..compare import Comparison
+from ..data.mend import LONG_BEFORE
 from ..data.record import Record
 from ..identify.result import OrderGrid
 from .style import COLOURS, WIDTH, colour, envelope, legend_above, styled, unit_label
 
+_FAR = 1e4  # m from the origin
 _FARTHEST = 10.0  # times what was measured, beyond which a prediction is not drawn
 
 NAMES = {
@@ -29,10 +31,27 @@ def channel_label(record: Record, channel: str) -> str:
     return unit_label(NAMES.get(channel, channel), record.units.get(channel, "1"))
 
 
+def seconds(record: Record) -> np.ndarray:
+    """Time (N,) for an axis, s: as logged, or since the first sample where the clock counts from
+    long before, whose digits no axis has room for."""
+    return record.t - record.t[0] if abs(record.t[0]) > LONG_BEFORE else record.t
+
+
 def with_gaps(record: Record, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Time and values with a NaN after each segment, so that lines do not bridge gaps."""
     stops = [segment.stop for segment in record.segments[:-1]]
-    return np.insert(record.t, stops, np.nan), np.insert(np.asarray(values, float), stops, np.nan)
+    values = np.asarray(values, float)
+    return np.insert(seconds(record), stops, np.nan), np.insert(values, stops, np.nan)
+
+
+def map_axes(axes: Axes, start: np.ndarray) -> np.ndarray:
+    """Make axes those of a map, and give what to take off each place (2,): the start where it is
+    far from the origin, as in the coordinates of a whole country, else nothing."""
+    far = bool(np.hypot(*start) > _FAR)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("x from the start (m)" if far else "x (m)")
+    axes.set_ylabel("y from the start (m)" if far else "y (m)")
+    return np.asarray(start, float) if far else np.zeros(2)
 
 
 def line(axes: Axes, record: Record, values: np.ndarray, **options) -> None:
@@ -45,7 +64,7 @@ def shade_held_out(axes: Axes, grid: OrderGrid) -> None:
     """Tint the stretches of time that are held out for the held-out score."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], grid.held_out, [0]])))
     for start, stop in edges.reshape(-1, 2):
-        span = grid.record.t[[start, stop - 1]]
+        span = seconds(grid.record)[[start, stop - 1]]
         axes.axvspan(*span, color=COLOURS["held out"], alpha=0.12, lw=0)
 
 

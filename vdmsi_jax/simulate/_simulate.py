@@ -39,12 +39,17 @@ def simulate(
 
     Raises:
         ValueError: the method does not suit the vehicle.
+        TypeError: what is given as commands is none, as a track is.
         InputError: the record has gaps or lacks a command, or the model lacks the geometry.
     """
     if isinstance(vehicle, Model):
         vehicle = vehicle.to_vehicle()
     if isinstance(commands, Record):
         commands = Commands.of(commands)
+    if not isinstance(commands, Commands):
+        given = type(commands).__name__
+        mend = "give Commands or a Record; a track has some: track.commands(bicycle, speed=...)"
+        raise TypeError(f"{given} is no record of commands; {mend}")
     if method is None:
         method = Arcs() if no_arcs(vehicle) is None else Quadrature()
     return _run(vehicle, commands, Start() if start is None else start, method)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from .result import Diagnosis, Finding, Rival, Unexplained
 
+_READ = {"aside": "the way aside", "forward": "the way forward", "psi": "the heading"}
 _SPOILT = 0.05  # of the mean translation error, by which a path is worse
 _MOST = 3  # rivals that a sentence names
 
@@ -35,7 +36,8 @@ def sentence(f: Finding) -> str:
     where = "on held-out driving" if g.held_out else "on the fitted data"
     moves = "rises" if g.after >= g.before else "falls"
     said.append(
-        f"FIT of {g.channel} {where} {moves} from {g.before:.1f} to {g.after:.1f} % with it."
+        f"FIT of {_READ.get(g.channel, g.channel)} {where} {moves} from {g.before:.1f} to "
+        f"{g.after:.1f} % with it."
     )
     if g.after < g.before and g.typical > 0.0:
         share = f"{100.0 * g.typical:.0f} %"
