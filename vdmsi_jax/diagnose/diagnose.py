@@ -31,6 +31,7 @@ from .search.search import ActsInSteps, search
 from .signals.contradictions import Contradiction, contradictions
 from .signals.noise import KnownNoise
 from .signals.runs import Runs, lay_out, slower
+from .signals.stuck import without_stuck_speed
 
 _OF_A_VEHICLE = ("v_cmd", "delta_cmd", "v", "delta", "r", "x", "y", "psi")
 
@@ -84,7 +85,8 @@ def _diagnose(
     unshared = _unshared(several)
     if plants_of(several):
         several = _without(several, {c for own in _lacking(several).values() for c in own})
-    against = contradictions(several, plants_of(several))
+    several, stuck = without_stuck_speed(several)
+    against = [*stuck, *contradictions(several, plants_of(several))]
     several = _without(several, {c for one in against for c in one.leave})
     if not any(record.session for record in several):
         several = in_session(several)

@@ -283,11 +283,12 @@ def _faint(found: Finding) -> bool:
 
 def _sizeless(found: Finding) -> bool:
     """Whether the size of a cause is lost in its standard error: of a mode its weight, since noise
-    has a frequency, too, and a plant of more poles has every weight; of others every parameter."""
+    has a frequency, too, and a plant of more poles has every weight; of others every parameter but
+    the time at which something changes, which is none."""
     told = found.parameters
     if found.cause == "resonance" and "weight" in told:
         return abs(told["weight"].value) < _WEIGHED * told["weight"].std
-    return all(abs(e.value) < _NOTHING * e.std for e in told.values())
+    return all(abs(e.value) < _NOTHING * e.std for name, e in told.items() if name != "time")
 
 
 def _exact(found: Finding) -> bool:

@@ -1,0 +1,63 @@
+"""A speed that stays the same while the pose says otherwise."""
+
+import numpy as np
+import pytest
+
+import vdmsi_jax as vj
+from vdmsi_jax.diagnose.signals.stuck import without_stuck_speed
+
+DT, ROWS = 0.05, 2400
+T = DT * np.arange(ROWS)
+CREEPS = 1.0 + 0.8 * np.sin(0.21 * T)  # 0.2 to 1.8 m/s
+
+
+def drive(speed, told, turning=0.2, noise=0.01, seed=0) -> vj.Record:
+    """A vehicle that moves by `speed` and says `told`."""
+    rng = np.random.default_rng(seed)
+    psi = turning * T
+    x, y = (np.cumsum(speed * way(psi)) * DT for way in (np.cos, np.sin))
+    x, y = (place + noise * rng.standard_normal(ROWS) for place in (x, y))
+    return vj.Record.from_arrays(dt=DT, v=told, x=x, y=y)
+
+
+def noisy(speed: np.ndarray, by: float = 0.02) -> np.ndarray:
+    return speed + by * np.random.default_rng(1).standard_normal(ROWS)
+
+
+def least(speed: np.ndarray) -> np.ndarray:
+    """A wheel sensor that says 0 below 0.6 m/s."""
+    return np.where(speed < 0.6, 0.0, noisy(speed))
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01, 0.1])
+def test_a_sensor_with_a_least_speed_is_told_and_its_zeros_left_out(noise):
+    (mended,), told = without_stuck_speed([drive(CREEPS, least(CREEPS), noise=noise)])
+    assert [one.channel for one in told] == ["v"] and "0 to the last digit" in told[0].said
+    assert not mended.measured("v")[CREEPS < 0.6].any()
+    assert mended.measured("v")[CREEPS >= 0.6].all()
+
+
+def test_a_sensor_that_hangs_now_and_then_is_told_where_it_does():
+    speed = 1.0 + 0.8 * np.sin(0.8 * T)
+    held = noisy(speed)
+    for first in (300, 900, 1500, 2100):
+        held[first : first + 50] = held[first]
+    (mended,), told = without_stuck_speed([drive(speed, held)])
+    assert len(told) == 1 and "the same to the last digit" in told[0].said
+    off = ~mended.measured("v")
+    assert 0.02 * ROWS < off.sum() <= 200
+
+
+@pytest.mark.parametrize(
+    "record",
+    [
+        drive(CREEPS, noisy(CREEPS)),
+        drive(np.where(T % 20.0 < 8.0, 0.0, CREEPS), np.where(T % 20.0 < 8.0, 0.0, noisy(CREEPS))),
+        drive(np.full(ROWS, 2.0), np.full(ROWS, 2.0), turning=1.5),  # small circles, no noise
+        drive(CREEPS, np.round(CREEPS / 0.1) * 0.1),  # a coarse counter
+        drive(CREEPS, least(CREEPS), noise=2.0),  # of whose places nothing is known
+        vj.Record.from_arrays(dt=DT, v=least(CREEPS)),  # without a pose
+    ],
+)
+def test_all_else_stays_as_it_is(record):
+    assert without_stuck_speed([record]) == ([record], [])
