@@ -39,6 +39,9 @@ from .undeclared import refuse_undeclared
 _FINEST = 100  # samples that may be made of one row
 _ROUNDING = 0.02  # how far the period of an uneven log may move to become a rounder number
 _WIDEST = 0.5 * np.pi  # rad, that a wheel is turned
+_LOOKED_AT = (
+    3_000_000  # rows at the most, that are looked at for outliers, which takes 5 s a million
+)
 _MANY = 0.5  # of the rows, that a log keeps whose cells are rarely empty
 _BETWEEN_RUNS = 1.0  # s between runs whose clocks restarted
 
@@ -161,6 +164,8 @@ def _leave_out_outliers(rows: Rows, config: Config, pieces: Sequence[slice]) -> 
     """Take what stands alone out of uneven pieces, before it is interpolated: that would make two
     or three samples of it that no longer stand alone."""
     raw, n = rows.raw, rows.index.size
+    if n > _LOOKED_AT:
+        return
     columns = {name: values[rows.index] for name, values in raw.channels.items()}
     commands = [values for name, values in columns.items() if is_held(name, config)]
     pulses = answering(commands, pieces, n)
