@@ -30,6 +30,7 @@ K = TypeVar("K")
 
 _CHANNELS_COST = 8.0
 _MOST = 7
+_RESTS, _FITS_TO_REST = 1.0, 6  # gain of a fit more after which the plain body rests, and how many
 _REFITTED = 5  # candidates of a screen that are refitted
 _TIMES = ("delay", "time_constant", "length", "lag")
 _MUCH = 0.3  # of the error, that data held out bear out
@@ -124,7 +125,7 @@ def _bears_out(found: BodySearch, other: BodySearch) -> bool:
 
 def _searched(body: Body) -> BodySearch:
     """What one kind of noise lets the channels support."""
-    plain = now = polished(body, fit_body(body, [()]))[0]
+    plain = now = _at_rest(body, fit_body(body, [()])[0])
     passed: Sequence[BodyFit] = ()
     for k in range(SWAPS):
         now, passed = _extended(body, now, timed=k == 0)
@@ -153,6 +154,17 @@ def _searched(body: Body) -> BodySearch:
         now, less = _eliminated(body, now)
         findings, _ = _findings(body, now, less)
     return BodySearch(body, plain, robust(body, now), findings, tuple(failed))
+
+
+def _at_rest(body: Body, fit: BodyFit) -> BodyFit:
+    """A fit gone on with until that gains no more: what each cause gains is told against it."""
+    for _ in range(_FITS_TO_REST):
+        (more,) = polished(body, [fit])
+        gained = 2.0 * (more.loglik - fit.loglik)
+        fit = more if gained > 0.0 else fit
+        if gained < _RESTS:
+            break
+    return fit
 
 
 def _usual(body: Body, fit: BodyFit, number: int) -> bool:
