@@ -6,7 +6,7 @@ import pytest
 import vdmsi_jax as vj
 from small_logs import write_csv
 from vdmsi_jax.config import Config, Derivation, Prepare
-from vdmsi_jax.data import read_log
+from vdmsi_jax.data import read_log, read_logs
 from vdmsi_jax.data.slow_sensors import between_their_samples
 from vdmsi_jax.errors import InputError
 
@@ -81,6 +81,17 @@ def test_an_outlier_is_taken_out_before_it_is_interpolated(tmp_path, spoilt):
     assert any("left out 1 sample of v" in told for told in log.repairs)
     assert np.abs(log["v"] - TRUTH["v"](log.t)).max() < 0.02
     assert not log.measured("v")[np.abs(log.t - 0.5 * SECONDS) < 0.011].all()
+
+
+def test_a_file_for_each_topic_is_refused_with_what_to_do(tmp_path):
+    files = []
+    for name in RATES:
+        t = np.arange(0.0, SECONDS, 1.0 / RATES[name])
+        files.append(write_csv(tmp_path / f"{name}.csv", {"t": t, name: TRUTH[name](t)}))
+    named = Config(columns={name: name for name in RATES}, derive=WHEEL)
+    with pytest.raises(InputError, match="topics of one drive") as refused:
+        read_logs(files, named)
+    assert "stands in" in str(refused.value)
 
 
 @pytest.mark.parametrize(("missing", "told"), [("refuse", "several rates"), ("gap", "most rows")])

@@ -117,10 +117,29 @@ def read_logs(
     if not paths:
         raise InputError("logs", "", "no log is given", "give at least one file")
     files = [Path(path) for path in paths]
+    _refuse_topics(files, config)
     records = _in_step([read_log(file, config) for file in files], files, config)
     folders = [file.resolve().parent.name for file in files]
     names = _told_apart([record.name for record in records], folders)
     return in_session([r.renamed(name) for r, name in zip(records, names, strict=True)])
+
+
+def _refuse_topics(files: Sequence[Path], config: str | Path | Config | None) -> None:
+    """Refuse a file that lacks a column which another one has: it may be a topic of one drive."""
+    wanted = set(config_of(files[0], config).columns.values())
+    if len(files) < 2 or not wanted:
+        return
+    there = [wanted & set(_open_table(file).names) for file in files]
+    for file, own in zip(files, there, strict=True):
+        for other, more in zip(files, there, strict=True):
+            if more - own:
+                name = sorted(more - own)[0]
+                problem = f"is missing, and stands in {other}"
+                mend = (
+                    "give logs with the same columns; topics of one drive go into one table, a row "
+                    'for each stamp, with [prepare] missing = "interpolate", duplicates = "drop"'
+                )
+                raise InputError(str(file), f"column {name!r}", problem, mend)
 
 
 def _told_apart(names: Sequence[str], folders: Sequence[str]) -> list[str]:
