@@ -58,6 +58,15 @@ def test_each_channel_counts_where_it_was_measured(tmp_path):
     assert slow == {"x": pytest.approx(0.1, rel=0.02)}
 
 
+def test_a_sensor_that_ends_early_is_measured_no_longer(tmp_path):
+    columns = table()
+    late, early = columns["t"] > 0.9 * SECONDS, columns["t"] < 0.1 * SECONDS
+    columns["v"][late | early] = np.nan
+    log = read(tmp_path, columns)
+    known = log.t[log.measured("v")]
+    assert 0.1 * SECONDS - 0.03 < known.min() and known.max() < 0.9 * SECONDS + 0.03
+
+
 def test_measurements_are_interpolated_from_their_own_stamps(tmp_path):
     log = read(tmp_path, table())
     for name, bends in (("v", 0.49 * 0.022**2), ("x", 0.075 * 0.11**2)):

@@ -163,11 +163,9 @@ def measured(grid: Grid, known: Bool[np.ndarray, " rows"]) -> Bool[np.ndarray, "
     those between two rows that are hardly farther apart than samples are."""
     own = grid.position[known] / grid.every
     told = np.zeros(grid.samples, dtype=bool)
-    if own.size:
-        told[np.clip(np.round(own).astype(int), 0, grid.samples - 1)] = True
-        after = np.searchsorted(own, np.arange(grid.samples)).clip(1, own.size - 1)
-        told |= np.diff(own, prepend=-np.inf)[after] < _CLOSE
-    return told
+    told[np.clip(np.round(own).astype(int), 0, grid.samples - 1)] = True
+    apart = np.diff(own, prepend=-np.inf, append=np.inf)  # nothing is before the first and behind
+    return told | (apart[np.searchsorted(own, np.arange(grid.samples))] < _CLOSE)
 
 
 def _row_before(grid: Grid) -> Int[np.ndarray, " points"]:
