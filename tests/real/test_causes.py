@@ -62,6 +62,15 @@ def test_a_small_car_steers_late_and_to_one_side(shared_data, tmp_path):
     assert {("transport_delay", "steering"), ("offset", "steering")} <= set(found)
 
 
+def test_its_second_log_is_late_in_the_steering_and_in_the_yaw_rate(shared_data, tmp_path):
+    """Its documentation tells of both, of a limit of the steering, which only bends what is driven
+    here, and of a heading of the pose that is off."""
+    logs = [shared_data / "cpm_mucar" / "run_b.csv"]
+    found = named(diagnosed(logs, "cpm_mucar_run_b.toml", tmp_path))
+    late = {("transport_delay", "steering"), ("sensor_delay", "sensor"), ("sensor_bias", "sensor")}
+    assert late <= set(found)
+
+
 def test_a_position_servo_sticks(shared_data, tmp_path):
     """In so stiff a loop friction is hardly another thing than play of the goal: a set with it."""
     logs = [shared_data / "bam_servo" / "xl330_kp400_sin_sin.csv"]
