@@ -156,7 +156,7 @@ def period_of(rows: Rows, config: Config) -> float:
         if raw.run is not None:
             mend += ", or name another column in [columns] run"
         raise InputError(raw.source, "", problem, mend) from None
-    period = max(period, _fastest_of(rows))
+    period = max(period, _fastest_of(rows, config))
     is_vehicle = any(channel in config.canonical for channel in raw.channels)
     place = f"column {raw.columns['t']!r}"
     if is_vehicle and "t" not in config.units and period >= _SLOWEST:
@@ -172,19 +172,21 @@ def period_of(rows: Rows, config: Config) -> float:
     return period
 
 
-def _fastest_of(rows: Rows) -> float:
-    """The shortest period of a channel, s: where messages of several rates were laid into one
-    table, rows are much closer to each other, and none of the channels is in most of them. Zero
-    where a channel is in nearly all."""
-    periods = []
-    for values in rows.raw.channels.values():
+def _fastest_of(rows: Rows, config: Config) -> float:
+    """The shortest period of a response, s, or where there is none of a channel: where messages of
+    several rates were laid into one table, rows are much closer to each other, and none of the
+    channels is in most of them. Zero where a channel is in nearly all."""
+    periods: dict[str, float] = {}
+    for name, values in rows.raw.channels.items():
         there = np.flatnonzero(np.isfinite(values[rows.index]))
         if there.size > _MOST * rows.index.size:
             return 0.0
         fresh = np.diff(np.cumsum(rows.fresh)[there], prepend=-1) > 0
         with contextlib.suppress(ValueError):
-            periods.append(sample_period(rows.t[there], fresh))
-    return min(periods, default=0.0)
+            periods[name] = sample_period(rows.t[there], fresh)
+    responses = {"v", "delta" if "delta" in periods else "r", *(p.output for p in config.plants)}
+    own = [period for name, period in periods.items() if name in responses]
+    return min(own or periods.values(), default=0.0)
 
 
 def unwrap(rows: Rows, config: Config) -> None:

@@ -120,11 +120,15 @@ def _assemble(rows: Rows, config: Config, period: float, windows: Mapping[str, f
     uneven = [at for at, grid in zip(pieces, grids, strict=True) if not grid.even]
     _leave_out_outliers(rows, config, uneven)
     for name in raw.channels:
-        on_grid = hold if is_held(name, config) else interpolate
-        values[name] = _each(on_grid, grids, raw.channels[name][rows.index], pieces)
-        mask = absent
+        column, mask = raw.channels[name][rows.index], absent
+        known = ~rows.filled.get(name, np.zeros(column.size, dtype=bool))
+        if is_held(name, config):
+            values[name] = _each(hold, grids, pieces, column)
+        else:
+            told = known | (config.prepare.missing == "hold")
+            values[name] = _each(interpolate, grids, pieces, column, told)
         if name in rows.filled:
-            mask = mask | ~_each(measured, grids, ~rows.filled[name], pieces)
+            mask = mask | ~_each(measured, grids, pieces, known)
         if mask.any():
             filled[name] = mask.copy()
     runs = [raw.name if raw.run is None else str(raw.run[rows.index[at.start]]) for at in pieces]
@@ -173,6 +177,8 @@ def _leave_out_outliers(rows: Rows, config: Config, pieces: Sequence[slice]) -> 
         filled, bad = rows.filled.get(name, np.zeros(n, dtype=bool)), np.zeros(n, dtype=bool)
         for at in pieces:
             known = at.start + np.flatnonzero(~filled[at])
+            if not known.size:
+                continue
             alone = standing_alone(values[known], [slice(0, known.size)], ~pulses[known])
             bad[known[alone]] = True
             here, kept = np.arange(at.start, at.stop)[(filled | bad)[at]], known[~alone]
@@ -201,11 +207,11 @@ def _steps(rows: Rows, config: Config) -> dict[str, float]:
 
 
 def _each(
-    on_grid: Callable, grids: list[Grid], column: np.ndarray, pieces: list[slice]
+    on_grid: Callable, grids: list[Grid], pieces: list[slice], *columns: np.ndarray
 ) -> np.ndarray:
-    """A column piece by piece on its grids, joined."""
-    parts = [on_grid(grid, column[at]) for grid, at in zip(grids, pieces, strict=True)]
-    return np.concatenate(parts)
+    """Columns piece by piece on their grids, joined."""
+    pairs = zip(grids, pieces, strict=True)
+    return np.concatenate([on_grid(grid, *(own[at] for own in columns)) for grid, at in pairs])
 
 
 def _grids(rows: Rows, config: Config, period: float) -> tuple[list[slice], list[Grid], float]:

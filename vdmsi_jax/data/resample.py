@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+_JITTERS = 0.1  # of the median step, from which on stamps jitter by much
 _CLOSE = 1.75  # samples between two rows, between which all are measured: jitter leaves some out
 _LOBES = 10  # of the sinc on either side; sets the width of the filter's transition
 
@@ -79,8 +80,9 @@ def sample_period(t: Float[np.ndarray, " N"], breaks: Bool[np.ndarray, " N"]) ->
     """The period at which a log was sampled, s.
 
     The median of the differences says what is near; a least-squares line through the stamps over
-    their rounded counts says it exactly, however coarsely they were printed. A rounder number
-    replaces it if it moves no stamp by more than a hundredth of a period.
+    their rounded counts says it exactly, however coarsely they were printed, unless they jitter by
+    much of a period. A rounder number replaces it if it moves no stamp by more than a hundredth of
+    a period.
 
     Args:
         t: (N,) stamps, s, increasing inside each piece.
@@ -95,6 +97,8 @@ def sample_period(t: Float[np.ndarray, " N"], breaks: Bool[np.ndarray, " N"]) ->
     median = float(np.quantile(steps, 0.5, method="lower"))  # one of them, near which there is one
     near = steps[(steps > 0.5 * median) & (steps < 1.5 * median)]
     period = float(np.mean(near))
+    if np.std(near) > max(_JITTERS * median, 4.0 * float(resolution(t).max())):
+        return rounded(period, 0.02 * period)  # which step is how many periods is not told any more
     counts = np.concatenate([[0.0], np.round(np.diff(t) / period)])
     counts[breaks | (counts > 1000.0)] = 0.0
     fresh = np.flatnonzero(breaks | (counts == 0.0))
@@ -151,11 +155,23 @@ def hold(grid: Grid, values: Float[np.ndarray, " rows"]) -> Float[np.ndarray, " 
     return np.where(np.abs(mean - first) > 1e-9 * np.ptp(values), mean, first)  # up to rounding
 
 
-def interpolate(grid: Grid, values: Float[np.ndarray, " rows"]) -> Float[np.ndarray, " samples"]:
-    """A measurement on the grid: linear between rows, low-passed first where the grid is coarser
-    than the log."""
-    fine = np.interp(np.arange(grid.points), grid.position, values)
-    return antialias(fine, grid.every)[:: grid.every]
+def interpolate(
+    grid: Grid, values: Float[np.ndarray, " rows"], known: Bool[np.ndarray, " rows"]
+) -> Float[np.ndarray, " samples"]:
+    """A measurement on the grid: linear between the rows in which it is known, low-passed first
+    where the grid is coarser than the log; of one that has several rows for each point of an uneven
+    grid, the mean from halfway before to halfway behind."""
+    known = known if known.any() else ~known  # a piece of a longer hole: what was filled in
+    own, values = grid.position[known], values[known]
+    points = np.arange(grid.points)
+    many = (
+        1 if grid.even or own.size < 2 else round(1.0 / max(float(np.median(np.diff(own))), 1e-3))
+    )
+    if many < 2:
+        return antialias(np.interp(points, own, values), grid.every)[:: grid.every]
+    within = (np.arange(2 * many) + 0.5) / (2 * many) - 0.5
+    means = np.mean([np.interp(points + part, own, values) for part in within], axis=0)
+    return antialias(means, grid.every)[:: grid.every]
 
 
 def measured(grid: Grid, known: Bool[np.ndarray, " rows"]) -> Bool[np.ndarray, " samples"]:

@@ -31,5 +31,6 @@ def between_their_samples(record: Record) -> tuple[Record, dict[str, float]]:
                 if last - first <= _LATEST * usual:
                     values[first:last] = np.interp(np.arange(first, last), own, record[name][own])
                     missing[first:last] = False
-        channels[name], filled[name], found[name] = values, missing, usual * record.dt
+        each = float(np.mean(steps[steps <= _LATEST * usual]))
+        channels[name], filled[name], found[name] = values, missing, each * record.dt
     return (replace(record, channels=channels, filled=filled), found) if found else (record, {})

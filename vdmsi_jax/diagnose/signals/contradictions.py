@@ -17,6 +17,7 @@ _OVER = 0.5  # s, over which turns are averaged
 _AGAINST = -0.7  # correlation from which on a channel runs against what makes it
 _SCALE = 0.06  # by which the yaw rate differs from the rate of the heading, beyond noise of both
 _TURN = 1.0  # s, over which both turn
+_FILLED, _FEWEST = 0.2, 20  # of such a second, that may be filled in; and seconds that are asked
 _LATE = 1.0  # s, by which a response is late at the most
 _BACKWARD, _FORWARD = 0.1, 3.0  # of a spread's square, that a lag of the response leaves of the
 # command at the most, and how many times more a lag of the command leaves of the response
@@ -105,7 +106,7 @@ def _scaled(records: Sequence[Record]) -> list[Contradiction]:
         return []
     r, psi, made = _turned(records)
     shared = float(r @ psi)
-    if shared <= 0.0:
+    if shared <= 0.0 or r.size < _FEWEST:
         return []
     low, high = shared / float(psi @ psi), float(r @ r) / shared
     if low < 1.0 + _SCALE and high > 1.0 - _SCALE:
@@ -122,7 +123,7 @@ def _scaled(records: Sequence[Record]) -> list[Contradiction]:
 
 def _turned(records: Sequence[Record]) -> list[np.ndarray]:
     """How far the yaw rate, the heading and, where they are there, speed and angle turn over each
-    second in which nothing was filled, rad, less the mean of each stretch without a gap: a rate may
+    second in which little was filled, rad, less the mean of each stretch without a gap: a rate may
     have a bias."""
     turns: list[list[np.ndarray]] = [[], [], []]
     for record in records:
@@ -135,7 +136,7 @@ def _turned(records: Sequence[Record]) -> list[np.ndarray]:
         for part in (s.samples for s in record.segments):
             angles = [np.cumsum(record["r"][part]) * record.dt, np.unwrap(record["psi"][part])]
             angles += [] if made is None else [np.cumsum(made[part]) * record.dt]
-            whole = np.diff(np.cumsum(filled[part])[every]) == 0
+            whole = np.diff(np.cumsum(filled[part])[every]) <= _FILLED * _TURN / record.dt
             for kept, angle in zip(turns, angles, strict=False):
                 turn = np.diff(angle[every])[whole]
                 kept.append(turn - turn.mean() if turn.size else turn)
