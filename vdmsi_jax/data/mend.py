@@ -23,7 +23,7 @@ LONG_BEFORE = 1e6
 USUAL_GAP = 5.0
 """Sample periods that a hole may last, where the configuration says nothing."""
 
-_MOST = 0.8  # of the rows, in which a channel is that was logged row by row
+_MOST = 0.98  # of the rows, in which a channel is that was logged row by row
 _MERGED = 0.2  # of a column's cells, from which more are empty than get lost
 _SLOWEST, _FASTEST = (
     1.0,
