@@ -13,7 +13,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 _JITTERS = 0.1  # of the median step, from which on stamps jitter by much
-_CLOSE = 1.75  # samples between two rows, between which all are measured: jitter leaves some out
+_CLOSE, _BRIDGED = 1.75, 3.5  # samples between two rows, between which all are measured; of stamps
+# that jitter, which leave some out, more: a colour of noise needs all of the past of a sample
 _LOBES = 10  # of the sinc on either side; sets the width of the filter's transition
 
 
@@ -181,7 +182,8 @@ def measured(grid: Grid, known: Bool[np.ndarray, " rows"]) -> Bool[np.ndarray, "
     told = np.zeros(grid.samples, dtype=bool)
     told[np.clip(np.round(own).astype(int), 0, grid.samples - 1)] = True
     apart = np.diff(own, prepend=-np.inf, append=np.inf)  # nothing is before the first and behind
-    return told | (apart[np.searchsorted(own, np.arange(grid.samples))] < _CLOSE)
+    close = _CLOSE if grid.even else _BRIDGED
+    return told | (apart[np.searchsorted(own, np.arange(grid.samples))] < close)
 
 
 def _row_before(grid: Grid) -> Int[np.ndarray, " points"]:
