@@ -184,7 +184,7 @@ def _fastest_of(rows: Rows, config: Config) -> float:
         fresh = np.diff(np.cumsum(rows.fresh)[there], prepend=-1) > 0
         with contextlib.suppress(ValueError):
             periods[name] = sample_period(rows.t[there], fresh)
-    responses = {"v", "delta" if "delta" in periods else "r", *(p.output for p in config.plants)}
+    responses = {"v", "delta", *(plant.output for plant in config.plants)}
     own = [period for name, period in periods.items() if name in responses]
     return min(own or periods.values(), default=0.0)
 
