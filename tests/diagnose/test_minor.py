@@ -279,3 +279,17 @@ def test_a_change_that_is_hardly_known_is_part_of_what_is_slow(cause, sure, dist
     why = Weighed(WEIGHING, change, trial, told, tried, disturbance=disturbed).why_minor()
     assert bool(why) is minor
     assert changes_somehow(told, why) is minor  # it takes three quarters of the error
+
+
+@pytest.mark.parametrize(
+    ("after", "puzzle", "minor"), [(93.6, 0.83, True), (93.6, 0.0, False), (97.2, 0.83, False)]
+)
+def test_a_change_beside_what_nothing_explains_is_part_of_it(after, puzzle, minor):
+    """As gears that interrupt the drive are told; the right ones of all exams stand alone."""
+    change = named("regime_change")
+    trial, told = judged(change, 90.5, after)
+    sizes = {"time": Estimate(23.0, 1.0, "s"), "gain": Estimate(0.3, 0.033, "1")}
+    told = replace(told, parameters=sizes)
+    why = Weighed(WEIGHING, change, trial, told, [(change, trial)], puzzle=puzzle).why_minor()
+    assert bool(why) is minor
+    assert changes_somehow(told, why) is minor

@@ -167,13 +167,14 @@ def _leaves_more(of: Weighed) -> bool:
 
 
 def _is_slow(of: Weighed) -> bool:
-    """A mean or a drift that is not nearly all of an error, or a period that fits into the longest
-    run only a few times, beside a puzzle; a change that is hardly known beside a disturbance."""
+    """A mean, a drift or a change that is not nearly all of an error, or a period that fits into
+    the longest run only a few times, beside a puzzle; a change that is hardly known beside a
+    disturbance. Of all exams right changes had no puzzle beside them."""
     if of.disturbed and _unsure(of.found):
         return True
     if not of.puzzling or of.cause.search is None:
         return False
-    if of.found.cause in ("offset", "gain_drift"):
+    if of.found.cause in ("offset", "gain_drift", "regime_change"):
         return of.found.share < NEARLY_ALL
     if of.found.cause != "periodic_disturbance":
         return False
