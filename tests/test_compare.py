@@ -77,6 +77,12 @@ def test_the_true_model_meets_the_measured_path_at_any_reference_point(model, ah
     assert vdm.aligned["mean"] < vdm.whole.ate["mean"]
 
 
+def test_a_comparison_says_what_it_found_on_one_line(model):
+    said = repr(compare(record(drive()), model))
+    assert "\n" not in said and len(said) < 400
+    assert "VDM-SI: FIT of v" in said and "mean error" in said
+
+
 def test_a_plant_starts_where_the_measurement_starts(model):
     rolling = drive(start=-0.3)
     assert abs(rolling["delta_cmd"][0] - rolling["delta"][0]) > 0.3

@@ -83,6 +83,14 @@ class Prediction:
     aligned: Mapping[str, float] | None = None
     relative: RelativeErrors | None = None
 
+    def __str__(self) -> str:
+        fits = [f"FIT of {name} {score.fit:.1f} %" for name, score in self.scores.items()]
+        error = [] if self.whole is None else [f"mean error {self.whole.ate['mean']:.3g} m"]
+        return f"{self.name}: {', '.join([*fits, *error]) if self.ok else self.status}"
+
+    def __repr__(self) -> str:
+        return f"<Prediction {self}>"
+
     @property
     def ok(self) -> bool:
         """Whether the simulation succeeded."""
@@ -114,6 +122,11 @@ class Comparison:
     window: float
     floor: Prediction | None = None
     with_measured: Mapping[str, Prediction] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return (
+            f"<Comparison on {self.record.name}: {'; '.join(map(str, self.predictions.values()))}>"
+        )
 
     @property
     def stretch(self) -> str:
