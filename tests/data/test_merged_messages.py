@@ -124,3 +124,76 @@ def test_a_refusal_says_how_such_a_table_is_read(tmp_path, missing, told):
     with pytest.raises(InputError, match=told) as refused:
         read(tmp_path, table(), missing)
     assert 'missing = "interpolate"' in str(refused.value)
+
+
+def even(tmp_path, columns, **how) -> vj.Record:
+    path = write_csv(tmp_path / "even.csv", columns)
+    return read_log(path, Config(prepare=Prepare(**({"missing": "interpolate"} | how))))
+
+
+def test_what_fills_in_the_ends_of_a_piece_leads_to_where_it_goes_on(tmp_path):
+    """A simulation may start from there."""
+    t = 0.01 * np.arange(1000)
+    seldom = np.where(np.arange(1000) % 100 == 0, 10.0 * t, np.nan)
+    log = even(tmp_path, {"t": t, "v": np.sin(t), "x": seldom}, warm_up=0.5)
+    np.testing.assert_allclose(log["x"][:3], [5.0, 5.1, 5.2], atol=1e-9)
+
+
+@pytest.mark.parametrize("each", [2, 10])
+def test_rows_that_are_even_stay_as_they_are_however_few_cells_are_full(tmp_path, each):
+    t, rows = 0.01 * np.arange(2000), np.arange(2000)
+    v = np.where(rows % each == 0, np.sin(t), np.nan)
+    v_cmd = np.where(rows % each == each // 2, np.sign(np.sin(t)), np.nan)
+    log = even(tmp_path, {"t": t, "v_cmd": v_cmd, "v": v})
+    assert log.dt == 0.01 and log.n > 1900
+    assert log.measured("v").mean() == pytest.approx(1.0 / each, abs=0.01)
+
+
+def test_stamps_that_jitter_by_no_more_than_is_tolerated_stay_rows(tmp_path):
+    dt, rng = 1.0 / 30.0, np.random.default_rng(2)
+    t = dt * np.arange(900) + dt * rng.uniform(-0.2, 0.2, 900)
+    log = even(tmp_path, {"t": t, "v": np.sin(t)}, jitter=0.25)
+    assert log.n == 900 and not any("resampled" in told for told in log.repairs)
+
+
+def test_what_answers_a_pulse_of_a_slow_command_is_no_outlier(tmp_path):
+    rng = np.random.default_rng(5)
+    stamps = np.arange(0.0, 60.0, 0.1)
+    pulse = np.arange(stamps.size) % 70 == 35
+    parts = {
+        "v_cmd": (stamps, 1.0 + 4.0 * pulse),
+        "v": (stamps + 0.05, 1.0 + 3.0 * pulse + 0.01 * rng.standard_normal(stamps.size)),
+        "a": (np.sort(rng.uniform(0.0, 60.0, 3600)), 0.01 * rng.standard_normal(3600)),
+    }
+    t = np.concatenate([own for own, _ in parts.values()])
+    columns = {"t": t}
+    for name in parts:
+        cells = [x if other == name else np.full(x.size, np.nan) for other, (_, x) in parts.items()]
+        columns[name] = np.concatenate(cells)
+    order = np.argsort(t, kind="stable")
+    path = write_csv(tmp_path / "pulses.csv", {k: x[order] for k, x in columns.items()})
+    log = read_log(path, Config(prepare=Prepare(missing="interpolate", duplicates="drop")))
+    assert log["v"].max() > 3.5 and not any("outliers" in told for told in log.repairs)
+
+
+def test_cells_that_are_held_stay_held_beside_an_outlier(tmp_path):
+    t = np.cumsum(np.random.default_rng(1).uniform(0.006, 0.014, 2000))
+    v = np.sin(t)
+    v[700] = 50.0
+    holes = np.r_[300:303, 900:903]
+    gone = v.copy()
+    gone[holes] = np.nan
+    log = even(tmp_path, {"t": t, "v": gone}, missing="hold")
+    near = np.abs(log.t - t[301]) < 0.003
+    np.testing.assert_allclose(log["v"][near], v[299], atol=1e-9)
+    assert log["v"].max() < 1.1
+
+
+def test_files_with_configurations_of_their_own_may_name_other_columns(tmp_path):
+    t = 0.01 * np.arange(500)
+    for name, column in (("a", "speed"), ("b", "vel")):
+        write_csv(tmp_path / f"{name}.csv", {"t": t, "u_cmd": np.cos(t), column: np.sin(t)})
+        own = f'[columns]\nv_cmd = "u_cmd"\nv = "{column}"\n'
+        (tmp_path / f"{name}.toml").write_text(own)
+    logs = read_logs([tmp_path / "a.csv", tmp_path / "b.csv"])
+    assert [log.n for log in logs] == [500, 500]

@@ -29,6 +29,12 @@ def least(speed: np.ndarray) -> np.ndarray:
     return np.where(speed < 0.6, 0.0, noisy(speed))
 
 
+def staircase(rows: int) -> vj.Record:
+    """Places that are held between messages, of a vehicle at a steady speed."""
+    x = np.repeat((10.0 * T)[::rows], rows)[:ROWS]
+    return vj.Record.from_arrays(dt=DT, v=np.full(ROWS, 10.0), x=x, y=np.zeros(ROWS))
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.01, 0.1])
 def test_a_sensor_with_a_least_speed_is_told_and_its_zeros_left_out(noise):
     (mended,), told = without_stuck_speed([drive(CREEPS, least(CREEPS), noise=noise)])
@@ -57,6 +63,15 @@ def test_a_sensor_that_hangs_now_and_then_is_told_where_it_does():
         drive(CREEPS, np.round(CREEPS / 0.1) * 0.1),  # a coarse counter
         drive(CREEPS, least(CREEPS), noise=2.0),  # of whose places nothing is known
         vj.Record.from_arrays(dt=DT, v=least(CREEPS)),  # without a pose
+        staircase(20),  # places of 1 Hz, held, and a speed of which two digits were logged
+        staircase(10),
+        vj.Record.from_arrays(
+            dt=0.5,
+            v=np.full(200, 4.0),
+            x=np.cos(0.4 * np.arange(200)) * 5.0,
+            y=np.sin(0.4 * np.arange(200)) * 5.0,
+        ),  # circles in few rows
+        vj.Record.from_arrays(dt=DT, v=np.ones(5), x=np.arange(5.0), y=np.zeros(5)),
     ],
 )
 def test_all_else_stays_as_it_is(record):

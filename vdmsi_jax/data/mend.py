@@ -15,7 +15,7 @@ from ..config import Config, Derivation
 from ..errors import InputError
 from ..units import UNITS
 from .expressions import parse
-from .resample import sample_period
+from .resample import make_grid, sample_period
 
 LONG_BEFORE = 1e6
 """Seconds from which a clock began before the log: epochs, weeks of a satellite."""
@@ -156,7 +156,8 @@ def period_of(rows: Rows, config: Config) -> float:
         if raw.run is not None:
             mend += ", or name another column in [columns] run"
         raise InputError(raw.source, "", problem, mend) from None
-    period = max(period, _fastest_of(rows, config))
+    if not _is_even(rows, period, config):
+        period = max(period, _fastest_of(rows, config))
     is_vehicle = any(channel in config.canonical for channel in raw.channels)
     place = f"column {raw.columns['t']!r}"
     if is_vehicle and "t" not in config.units and period >= _SLOWEST:
@@ -170,6 +171,12 @@ def period_of(rows: Rows, config: Config) -> float:
             raw.source, place, problem, "give the unit that the time column is written in"
         )
     return period
+
+
+def _is_even(rows: Rows, period: float, config: Config) -> bool:
+    """Whether the rows lie on a grid, some of which may lack."""
+    pieces = (rows.t[first:last] for first, last in stretches(rows.fresh))
+    return all(make_grid(t, period, period, config.prepare.jitter).even for t in pieces)
 
 
 def _fastest_of(rows: Rows, config: Config) -> float:

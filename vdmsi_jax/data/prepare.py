@@ -169,26 +169,36 @@ def _leave_out_outliers(rows: Rows, config: Config, pieces: Sequence[slice]) -> 
     if n > _LOOKED_AT:
         return
     columns = {name: values[rows.index] for name, values in raw.channels.items()}
-    commands = [values for name, values in columns.items() if is_held(name, config)]
-    pulses = answering(commands, pieces, n)
+    known = {name: ~rows.filled.get(name, np.zeros(n, dtype=bool)) for name in columns}
+    inputs = {plant.input for plant in config.plants}
+    commands = [name for name in columns if is_held(name, config) or name in inputs]
+    pulses, held = np.zeros(n, dtype=bool), config.prepare.missing == "hold"
+    for at in pieces:
+        for name in commands:
+            own = at.start + np.flatnonzero(known[name][at])
+            if own.size:
+                after = np.searchsorted(own, np.arange(at.start, at.stop), side="right") - 1
+                told = answering([columns[name][own]], [slice(0, own.size)], own.size)
+                pulses[at] |= told[np.maximum(after, 0)]
     for name, values in columns.items():
-        if is_held(name, config):
+        if name in commands:
             continue
-        filled, bad = rows.filled.get(name, np.zeros(n, dtype=bool)), np.zeros(n, dtype=bool)
+        bad = np.zeros(n, dtype=bool)
         for at in pieces:
-            known = at.start + np.flatnonzero(~filled[at])
-            if not known.size:
+            own = at.start + np.flatnonzero(known[name][at])
+            if not own.size:
                 continue
-            alone = standing_alone(values[known], [slice(0, known.size)], ~pulses[known])
-            bad[known[alone]] = True
-            here, kept = np.arange(at.start, at.stop)[(filled | bad)[at]], known[~alone]
+            alone = standing_alone(values[own], [slice(0, own.size)], ~pulses[own])
+            bad[own[alone]] = True
+            spoilt, kept = bad[at] if held else (bad | ~known[name])[at], own[~alone]
+            here = np.arange(at.start, at.stop)[spoilt]
             if alone.any():
                 values[here] = np.interp(rows.t[here], rows.t[kept], values[kept])
         if not bad.any():
             continue
         raw.channels[name] = raw.channels[name].copy()
         raw.channels[name][rows.index] = values
-        rows.filled[name] = filled | bad
+        rows.filled[name] = ~known[name] | bad
         rows.told.append(
             f"left out {counted(bad, 'sample')} of {name} far from those about, as outliers of a "
             f"sensor are, the first {moment(rows.t, int(np.argmax(bad)))}"

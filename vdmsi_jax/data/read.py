@@ -126,8 +126,9 @@ def read_logs(
 
 def _refuse_topics(files: Sequence[Path], config: str | Path | Config | None) -> None:
     """Refuse a file that lacks a column which another one has: it may be a topic of one drive."""
-    wanted = set(config_of(files[0], config).columns.values())
-    if len(files) < 2 or not wanted:
+    first, *others = (config_of(file, config) for file in files)
+    wanted = set(first.columns.values())
+    if not wanted or not others or any(own.source != first.source for own in others):
         return
     there = [wanted & set(_open_table(file).names) for file in files]
     for file, own in zip(files, there, strict=True):

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-_JITTERS = 0.1  # of the median step, from which on stamps jitter by much
+_JITTERS, _OFF = 0.1, 0.01  # of the median step, from which on stamps jitter by much, and of the
+# mean of the steps near it, by which a line through such stamps is off
 _CLOSE, _BRIDGED = 1.75, 3.5  # samples between two rows, between which all are measured; of stamps
 # that jitter, which leave some out, more: a colour of noise needs all of the past of a sample
 _LOBES = 10  # of the sinc on either side; sets the width of the filter's transition
@@ -98,8 +99,7 @@ def sample_period(t: Float[np.ndarray, " N"], breaks: Bool[np.ndarray, " N"]) ->
     median = float(np.quantile(steps, 0.5, method="lower"))  # one of them, near which there is one
     near = steps[(steps > 0.5 * median) & (steps < 1.5 * median)]
     period = float(np.mean(near))
-    if np.std(near) > max(_JITTERS * median, 4.0 * float(resolution(t).max())):
-        return rounded(period, 0.02 * period)  # which step is how many periods is not told any more
+    usual = period
     counts = np.concatenate([[0.0], np.round(np.diff(t) / period)])
     counts[breaks | (counts > 1000.0)] = 0.0
     fresh = np.flatnonzero(breaks | (counts == 0.0))
@@ -112,6 +112,9 @@ def sample_period(t: Float[np.ndarray, " N"], breaks: Bool[np.ndarray, " N"]) ->
         mean_time = np.repeat(np.add.reduceat(t - start, fresh) / lengths, lengths)
         centred = index - mean_index
         period = float(np.sum(centred * (t - start - mean_time)) / np.sum(centred**2))
+    jitters = np.std(near) > max(_JITTERS * median, 4.0 * float(resolution(t).max()))
+    if jitters and abs(period - usual) > _OFF * usual:
+        return usual  # which step is how many periods is not told
     return rounded(period, 0.01 * period / max(float(index.max()), 1.0))
 
 
@@ -162,8 +165,10 @@ def interpolate(
     """A measurement on the grid: linear between the rows in which it is known, low-passed first
     where the grid is coarser than the log; of one that has several rows for each point of an uneven
     grid, the mean from halfway before to halfway behind."""
-    known = known if known.any() else ~known  # a piece of a longer hole: what was filled in
-    own, values = grid.position[known], values[known]
+    there = np.flatnonzero(known)
+    edges = np.arange(known.size) <= there[0] if there.size else np.ones_like(known)
+    edges |= np.arange(known.size) >= there[-1] if there.size else False
+    own, values = grid.position[known | edges], values[known | edges]  # with what fills in its ends
     points = np.arange(grid.points)
     many = (
         1 if grid.even or own.size < 2 else round(1.0 / max(float(np.median(np.diff(own))), 1e-3))

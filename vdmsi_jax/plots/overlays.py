@@ -190,7 +190,7 @@ def on_path(response: Response, *paths: Path) -> Figure:
         for axes in line[len(row) :]:
             axes.remove()
         for axes, (name, pieces, means, model) in zip(line, row, strict=False):
-            places = pieces - map_axes(axes, pieces[0, 0])
+            places = pieces - map_axes(axes, pieces[0, 0] if len(pieces) else np.zeros(2))
             axes.update_datalim(places.reshape(-1, 2))
             coloured = LineCollection(
                 list(places), array=means[model], cmap=tones, norm=tint, lw=5.0

@@ -13,6 +13,7 @@ from .contradictions import Contradiction
 
 _ROWS, _SECONDS, _LONGEST = 5, 0.4, 3.0  # samples and seconds that a speed stays the same, at the
 # least, to be asked, and seconds over which noisy places are looked at, at the most
+_MESSAGES = 5  # of a pose that is held between them, over which its speed is told, at the least
 _OFF = 0.15  # of the largest speed, by which the pose moves otherwise
 _NOISES = 6.0  # standard deviations of how far two noisy places are apart, likewise
 _SHARE = 0.02  # of the samples, from which on they are no accident
@@ -52,9 +53,11 @@ def _stuck(record: Record) -> list[tuple[int, int, float]]:
     """First sample, and the one after the last, of each stretch, and the speed of its pose, m/s."""
     v, asked = record["v"], record.measured("v")
     off = _OFF * float(np.abs(v).max())
-    noise = float(np.hypot(record.noise_std("x"), record.noise_std("y")))
+    noise = float(np.nan_to_num(np.hypot(record.noise_std("x"), record.noise_std("y"))))
     seconds = float(np.clip(_NOISES * noise / max(off, 1e-9), _SECONDS, _LONGEST))
-    width, off = max(_ROWS, round(seconds / record.dt)), max(off, _NOISES * noise / seconds)
+    width = max(_ROWS, round(seconds / record.dt), _MESSAGES * _held(record))
+    seconds = width * record.dt
+    off = max(off, _NOISES * noise / seconds)
     places = np.stack([record["x"], record["y"]])
     places = np.where(record.measured("x") & record.measured("y"), places, np.nan)
     found = []
@@ -67,9 +70,17 @@ def _stuck(record: Record) -> list[tuple[int, int, float]]:
             ways = ways[np.isfinite(ways)]
             speed = float(np.median(ways)) / (width * record.dt) if ways.size else np.nan
             more = speed - abs(v[first])
-            if more > off or (more < -off and seconds == _SECONDS):  # a long chord is no arc
+            if more > off or (more < -off and seconds < 1.25 * _SECONDS):  # a long chord is no arc
                 found.append((first, last, float(np.copysign(speed, _way(v, first)))))
     return found
+
+
+def _held(record: Record) -> int:
+    """For how many samples a pose stays the same while the vehicle moves, as one does that was
+    logged more often than it was measured."""
+    moves = np.hypot(np.diff(record["x"]), np.diff(record["y"])) > 0.0
+    apart = np.diff(np.flatnonzero(moves))
+    return int(np.median(apart)) if apart.size else 1
 
 
 def _way(v: Float[np.ndarray, " n"], first: int) -> float:
