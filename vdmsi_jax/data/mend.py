@@ -84,6 +84,10 @@ class Rows:
     def t(self) -> np.ndarray:
         return self.raw.t[self.index]
 
+    def known(self, name: str) -> np.ndarray:
+        """(M,) true where the cell of a channel was not filled in."""
+        return ~self.filled.get(name, np.zeros(self.index.size, dtype=bool))
+
     def cut(self, drop: np.ndarray, *, gap: bool) -> None:
         """Leave rows out; with `gap`, what follows them starts a new piece."""
         keep = ~drop
@@ -156,8 +160,9 @@ def period_of(rows: Rows, config: Config) -> float:
         if raw.run is not None:
             mend += ", or name another column in [columns] run"
         raise InputError(raw.source, "", problem, mend) from None
-    if not _is_even(rows, period, config):
-        period = max(period, _fastest_of(rows, config))
+    fastest = _fastest_of(rows, config)
+    if fastest > period and not _is_even(rows, period, config):
+        period = fastest
     is_vehicle = any(channel in config.canonical for channel in raw.channels)
     place = f"column {raw.columns['t']!r}"
     if is_vehicle and "t" not in config.units and period >= _SLOWEST:

@@ -120,8 +120,7 @@ def _assemble(rows: Rows, config: Config, period: float, windows: Mapping[str, f
     uneven = [at for at, grid in zip(pieces, grids, strict=True) if not grid.even]
     _leave_out_outliers(rows, config, uneven)
     for name in raw.channels:
-        column, mask = raw.channels[name][rows.index], absent
-        known = ~rows.filled.get(name, np.zeros(column.size, dtype=bool))
+        column, known, mask = raw.channels[name][rows.index], rows.known(name), absent
         if is_held(name, config):
             values[name] = _each(hold, grids, pieces, column)
         else:
@@ -169,7 +168,7 @@ def _leave_out_outliers(rows: Rows, config: Config, pieces: Sequence[slice]) -> 
     if n > _LOOKED_AT:
         return
     columns = {name: values[rows.index] for name, values in raw.channels.items()}
-    known = {name: ~rows.filled.get(name, np.zeros(n, dtype=bool)) for name in columns}
+    known = {name: rows.known(name) for name in columns}
     inputs = {plant.input for plant in config.plants}
     commands = [name for name in columns if is_held(name, config) or name in inputs]
     pulses, held = np.zeros(n, dtype=bool), config.prepare.missing == "hold"
@@ -209,8 +208,8 @@ def _steps(rows: Rows, config: Config) -> dict[str, float]:
     """Sizes of the steps in which measurements were logged."""
     found = {}
     for name, values in rows.raw.channels.items():
-        known = ~rows.filled.get(name, np.zeros(rows.index.size, dtype=bool))
-        step = None if is_held(name, config) else lattice_step(values[rows.index[known]])
+        own = values[rows.index[rows.known(name)]]
+        step = None if is_held(name, config) else lattice_step(own)
         if step is not None:
             found[name] = step
     return found

@@ -130,17 +130,17 @@ def _refuse_topics(files: Sequence[Path], config: str | Path | Config | None) ->
     wanted = set(first.columns.values())
     if not wanted or not others or any(own.source != first.source for own in others):
         return
-    there = [wanted & set(_open_table(file).names) for file in files]
-    for file, own in zip(files, there, strict=True):
-        for other, more in zip(files, there, strict=True):
-            if more - own:
-                name = sorted(more - own)[0]
-                problem = f"is missing, and stands in {other}"
-                mend = (
-                    "give logs with the same columns; topics of one drive go into one table, a row "
-                    'for each stamp, with [prepare] missing = "interpolate", duplicates = "drop"'
-                )
-                raise InputError(str(file), f"column {name!r}", problem, mend)
+    there = {file: wanted & set(_open_table(file).names) for file in files}
+    for file, own in there.items():
+        lacks = sorted(set.union(*there.values()) - own)
+        if lacks:
+            other = next(file for file, names in there.items() if lacks[0] in names)
+            problem = f"is missing, and stands in {other}"
+            mend = (
+                "give logs with the same columns; topics of one drive go into one table, a row for "
+                'each stamp, with [prepare] missing = "interpolate", duplicates = "drop"'
+            )
+            raise InputError(str(file), f"column {lacks[0]!r}", problem, mend)
 
 
 def _told_apart(names: Sequence[str], folders: Sequence[str]) -> list[str]:

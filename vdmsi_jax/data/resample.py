@@ -98,9 +98,8 @@ def sample_period(t: Float[np.ndarray, " N"], breaks: Bool[np.ndarray, " N"]) ->
         raise ValueError("no two rows belong together")
     median = float(np.quantile(steps, 0.5, method="lower"))  # one of them, near which there is one
     near = steps[(steps > 0.5 * median) & (steps < 1.5 * median)]
-    period = float(np.mean(near))
-    usual = period
-    counts = np.concatenate([[0.0], np.round(np.diff(t) / period)])
+    period = usual = float(np.mean(near))
+    counts = np.concatenate([[0.0], np.round(np.diff(t) / usual)])
     counts[breaks | (counts > 1000.0)] = 0.0
     fresh = np.flatnonzero(breaks | (counts == 0.0))
     lengths = np.diff(np.append(fresh, t.size))
@@ -112,8 +111,9 @@ def sample_period(t: Float[np.ndarray, " N"], breaks: Bool[np.ndarray, " N"]) ->
         mean_time = np.repeat(np.add.reduceat(t - start, fresh) / lengths, lengths)
         centred = index - mean_index
         period = float(np.sum(centred * (t - start - mean_time)) / np.sum(centred**2))
-    jitters = np.std(near) > max(_JITTERS * median, 4.0 * float(resolution(t).max()))
-    if jitters and abs(period - usual) > _OFF * usual:
+    if abs(period - usual) > _OFF * usual and np.std(near) > max(
+        _JITTERS * median, 4.0 * float(resolution(t).max())
+    ):
         return usual  # which step is how many periods is not told
     return rounded(period, 0.01 * period / max(float(index.max()), 1.0))
 
@@ -165,14 +165,12 @@ def interpolate(
     """A measurement on the grid: linear between the rows in which it is known, low-passed first
     where the grid is coarser than the log; of one that has several rows for each point of an uneven
     grid, the mean from halfway before to halfway behind."""
-    there = np.flatnonzero(known)
-    edges = np.arange(known.size) <= there[0] if there.size else np.ones_like(known)
-    edges |= np.arange(known.size) >= there[-1] if there.size else False
-    own, values = grid.position[known | edges], values[known | edges]  # with what fills in its ends
-    points = np.arange(grid.points)
-    many = (
-        1 if grid.even or own.size < 2 else round(1.0 / max(float(np.median(np.diff(own))), 1e-3))
-    )
+    there, rows = np.flatnonzero(known), np.arange(known.size)
+    first, last = (there[0], there[-1]) if there.size else (known.size, 0)
+    used = known | (rows <= first) | (rows >= last)  # with what fills in its ends
+    own, values, points = grid.position[used], values[used], np.arange(grid.points)
+    uneven = not grid.even and own.size > 1
+    many = round(1.0 / max(float(np.median(np.diff(own))), 1e-3)) if uneven else 1
     if many < 2:
         return antialias(np.interp(points, own, values), grid.every)[:: grid.every]
     within = (np.arange(2 * many) + 0.5) / (2 * many) - 0.5

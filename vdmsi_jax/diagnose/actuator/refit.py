@@ -10,6 +10,7 @@ proposes help; not with forces inside, whose sticking makes a response rough.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
@@ -48,6 +49,17 @@ _FORMS = 3  # of the first of these, likewise
 _FEW = 8  # lanes, for which differences cost next to nothing
 _RESTS, _FITS_TO_REST = 0.1, 10  # gain of a fit more after which a model is at rest, and how many
 _DAMPINGS = (0.1, 3.0, 100.0)
+
+
+@runtime_checkable
+class _Fitted(Protocol):
+    """What has a log-likelihood."""
+
+    @property
+    def loglik(self) -> float: ...
+
+
+F = TypeVar("F", bound=_Fitted)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,11 +118,17 @@ def refit(
 def at_rest(stage: Stage, fit: Refit) -> Refit:
     """The same model at the end of its way, where it does not hang on the last digits of a
     computation: fitted among many, a model is left where slopes that are old helped no more."""
-    for _ in range(_FITS_TO_REST):
-        (more,) = refit(stage, [fit.hypothesis])
+    return gone_on(fit, lambda f: refit(stage, [f.hypothesis])[0], _RESTS, _FITS_TO_REST)
+
+
+def gone_on(fit: F, again: Callable[[F], F], least: float, most: int) -> F:
+    """A fit gone on with, so many times at the most, until that gains less than `least` of twice
+    the log-likelihood."""
+    for _ in range(most):
+        more = again(fit)
         gained = 2.0 * (more.loglik - fit.loglik)
         fit = more if gained > 0.0 else fit
-        if gained < _RESTS:
+        if gained < least:
             break
     return fit
 

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from ...effects.bank import STEEPEST
+from ..actuator.refit import gone_on
 from ..search.found import FEW, MARGIN
 from ..search.judge import Scored, confirmed
 from ..search.price import CAUSE_COST, PARAMETER_COST
@@ -125,7 +126,8 @@ def _bears_out(found: BodySearch, other: BodySearch) -> bool:
 
 def _searched(body: Body) -> BodySearch:
     """What one kind of noise lets the channels support."""
-    plain = now = _at_rest(body, fit_body(body, [()])[0])
+    bare = fit_body(body, [()])[0]  # what each cause gains is told against it, at rest
+    plain = now = gone_on(bare, lambda f: polished(body, [f])[0], _RESTS, _FITS_TO_REST)
     passed: Sequence[BodyFit] = ()
     for k in range(SWAPS):
         now, passed = _extended(body, now, timed=k == 0)
@@ -154,17 +156,6 @@ def _searched(body: Body) -> BodySearch:
         now, less = _eliminated(body, now)
         findings, _ = _findings(body, now, less)
     return BodySearch(body, plain, robust(body, now), findings, tuple(failed))
-
-
-def _at_rest(body: Body, fit: BodyFit) -> BodyFit:
-    """A fit gone on with until that gains no more: what each cause gains is told against it."""
-    for _ in range(_FITS_TO_REST):
-        (more,) = polished(body, [fit])
-        gained = 2.0 * (more.loglik - fit.loglik)
-        fit = more if gained > 0.0 else fit
-        if gained < _RESTS:
-            break
-    return fit
 
 
 def _usual(body: Body, fit: BodyFit, number: int) -> bool:

@@ -25,8 +25,9 @@ def without_stuck_speed(records: Sequence[Record]) -> tuple[list[Record], list[C
     if not all(name in record for record in records for name in ("v", "x", "y")):
         return list(records), []
     stuck = [_stuck(record) for record in records]
-    many = sum(sum(last - first for first, last, _ in own) for own in stuck)
-    if many <= _SHARE * sum(record.n for record in records):
+    many = sum(last - first for own in stuck for first, last, _ in own)
+    share = many / sum(record.n for record in records)
+    if share <= _SHARE:
         return list(records), []
     at = {float(r["v"][i]) for r, own in zip(records, stuck, strict=True) for i, _, _ in own}
     speeds = [moved for own in stuck for _, _, moved in own]
@@ -39,12 +40,11 @@ def without_stuck_speed(records: Sequence[Record]) -> tuple[list[Record], list[C
             v[first:last], missing[first:last] = moved, True
         channels, filled = {**record.channels, "v": v}, {**record.filled, "v": missing}
         mended.append(replace(record, channels=channels, filled=filled))
-    share = 100.0 * many / sum(record.n for record in records)
     stays = "0" if at == {0.0} else "the same"
     left = "all samples of 0" if at == {0.0} else "those"
     said = (
-        f"v says {stays} to the last digit in {share:.0f} % of the samples, while the pose moves "
-        f"at {np.median(np.abs(speeds)):.2g} m/s there: {left} were left out of v."
+        f"v says {stays} to the last digit in {100.0 * share:.0f} % of the samples, while the pose "
+        f"moves at {np.median(np.abs(speeds)):.2g} m/s there: {left} were left out of v."
     )
     return mended, [Contradiction("v", ("x", "y"), (), said)]
 
@@ -68,7 +68,7 @@ def _stuck(record: Record) -> list[tuple[int, int, float]]:
                 continue
             ways = np.hypot(*np.diff(places[:, first:last:width], axis=1))
             ways = ways[np.isfinite(ways)]
-            speed = float(np.median(ways)) / (width * record.dt) if ways.size else np.nan
+            speed = float(np.median(ways)) / seconds if ways.size else np.nan
             more = speed - abs(v[first])
             if more > off or (more < -off and seconds < 1.25 * _SECONDS):  # a long chord is no arc
                 found.append((first, last, float(np.copysign(speed, _way(v, first)))))
