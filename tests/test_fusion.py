@@ -199,5 +199,9 @@ def test_what_it_refuses():
     with pytest.raises(ValueError, match="remembers the way"):
         lagged = vj.Vehicle(BICYCLE, effects=(TyreRelaxation(0.3),))
         fuse(lagged, commands, known["poses"], seen, **told)
+    with pytest.raises(RuntimeError, match="see the first row"):
+        blind = seen.copy()
+        blind[0] = False
+        fuse(vj.Vehicle(BICYCLE), commands, known["poses"], blind, **told)
     extended = vj.Vehicle(BICYCLE, effects=(Understeer(0.003),))
     assert bool(jnp.isfinite(fuse(extended, commands, known["poses"], seen, **told).poses).all())

@@ -190,3 +190,22 @@ def test_relative_error_is_that_of_evo(evo):
     translation, _ = relative_pose_error(*paths(), distance=3.05, overlapping=False)
     np.testing.assert_allclose(translation.max(), expected["max"], atol=EVO)
     np.testing.assert_allclose(np.sqrt(np.mean(translation**2)), expected["rmse"], atol=EVO)
+
+
+def test_fit_where_there_is_nothing_to_fit():
+    """No variation leaves nothing to explain, even to a perfect model; a perfect fit of what varies
+    has a derivative."""
+    for level in (0.1, 1.0):
+        assert fit(np.full(7, level), np.full(7, level)) == -np.inf
+        assert fit(np.full(7, level), np.full(7, 1.1)) == -np.inf
+    wave = jnp.sin(jnp.arange(9.0))
+    assert float(jax.grad(lambda k: fit(wave, k * wave))(1.0)) == 0.0
+
+
+def test_numpy_gives_numpy_and_compiles_nothing():
+    truth, estimate = paths()
+    seen = translation_error(truth, estimate, Alignment.SE2)
+    assert isinstance(seen, np.ndarray)
+    same = translation_error(jnp.asarray(truth), estimate, Alignment.SE2)
+    assert isinstance(same, jax.Array)
+    np.testing.assert_allclose(seen, same, atol=1e-12)

@@ -146,6 +146,9 @@ def test_many_scenarios_and_many_models_are_the_single_ones():
     )
     starts = Start(jnp.arange(3.0), *(jnp.full(3, value) for value in (-2.0, 0.3, 0.5)))
     models = simulate_many(stack_vehicles(vehicles), batch, starts)
+    stacked = jax.tree.map(lambda *parts: jnp.stack(parts), *drives)  # with a period each
+    again = simulate_many(stack_vehicles(vehicles), stacked, starts)
+    assert largest_difference(again, models) == 0.0
     scenarios = simulate_many(vehicles[1], batch, starts, batch_size=1)
     assert models.x.shape == scenarios.x.shape == (3, ROWS)
     assert bool(models.ok.all() and scenarios.ok.all())

@@ -1,10 +1,13 @@
 """Writing results: whole or not at all, and JSON that every parser takes."""
 
+import hashlib
 import json
 import math
 import os
+import secrets
 import tempfile
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -47,13 +50,13 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
     one step of the file system.
     """
     path = Path(path)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    temporary = path.parent / f".{path.name}.{secrets.token_hex(8)}"
+    handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
-        os.chmod(temporary, 0o666 & ~_umask())
         os.replace(temporary, path)
     except BaseException as why:
         os.unlink(temporary)
@@ -63,10 +66,11 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
     return path
 
 
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+@cache
+def sources() -> str:
+    """A digest of the code of this package, of which results that are kept depend."""
+    code = sorted(Path(__file__).parent.rglob("*.py"))
+    return hashlib.sha256(b"".join(path.read_bytes() for path in code)).hexdigest()
 
 
 def write_json(path: str | Path, value: Any) -> Path:

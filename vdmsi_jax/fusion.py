@@ -158,10 +158,13 @@ def fuse(
 
     Raises:
         ValueError: an actuator is not linear, or an effect remembers the way.
+        RuntimeError: the first row was not seen.
     """
     if vehicle.acts_at("relaxed"):
         raise ValueError("a filter takes no effect that remembers the way; leave it out")
     measured, seen = jnp.asarray(measured, float), jnp.asarray(seen)
+    blind = ~seen[0]
+    measured = eqx.error_if(measured, blind, "the sensor has to see the first row: begin there")
     measured = jnp.where(seen[:, None], measured, 0.0)
     dt, span = commands.dt, commands.v_cmd.shape[0] * commands.dt
     plants = [_linear(vehicle.powertrain, "powertrain"), _linear(vehicle.steering, "steering")]

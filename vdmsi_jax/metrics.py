@@ -1,18 +1,24 @@
 """How far a simulation is from a measurement: per channel, and on the road.
 
-Everything up to the relative error is JAX, so an error can be differentiated with respect to the
-parameters of the vehicle that made it. Poses are arrays of the columns x (m), y (m), psi (rad).
+Everything up to the relative error can be differentiated with respect to the parameters of the
+vehicle that made it: JAX arrays give JAX arrays. Of NumPy's alone NumPy makes the errors, which
+compiles nothing for each new length. Poses are arrays of the columns x (m), y (m), psi (rad).
 """
 
 import enum
 import io
 from pathlib import Path
+from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from .files import write_text
+
+Anything = Array | np.ndarray
+Scalar = Float[Array, ""] | Float[np.ndarray, ""] | np.floating
 
 
 class Alignment(enum.Enum):
@@ -23,44 +29,60 @@ class Alignment(enum.Enum):
     SE2 = "moved and turned for the least squared distance (Umeyama 1991 without scale)"
 
 
-def fit(y: Float[ArrayLike, " N"], y_hat: Float[ArrayLike, " N"]) -> Float[Array, ""]:
+def _arrays(*given: Any) -> tuple[Any, ...]:
+    """What computes with such arrays, and these as its own."""
+    xp = jnp if any(isinstance(one, jax.Array) for one in given) else np
+    return xp, *(xp.asarray(one, float) for one in given)
+
+
+def _root(squared: Any, xp: Any) -> Any:
+    """The square root, whose derivative is zero at zero, where it has a kink."""
+    nought = squared == 0.0
+    return xp.where(nought, 0.0, xp.sqrt(xp.where(nought, 1.0, squared)))
+
+
+def fit(y: Float[ArrayLike, " N"], y_hat: Float[ArrayLike, " N"]) -> Scalar:
     """FIT of eq. (3), percent: 100 is perfect, 0 no better than the mean of `y`, and there is no
-    lower bound. `-inf` where `y` does not vary."""
-    y, y_hat = jnp.asarray(y, float), jnp.asarray(y_hat, float)
-    return 100.0 * (1.0 - jnp.linalg.norm(y - y_hat) / jnp.linalg.norm(y - jnp.mean(y)))
+    lower bound. `-inf` where `y` does not vary. Its derivative is zero where it is perfect."""
+    xp, told, model = _arrays(y, y_hat)
+    still = xp.max(told) == xp.min(told)
+    spread = xp.where(still, 1.0, _root(xp.sum((told - xp.mean(told)) ** 2), xp))
+    left = _root(xp.sum((told - model) ** 2), xp)
+    return xp.where(still, -xp.inf, 100.0 * (1.0 - left / spread))
 
 
-def mse(y: Float[ArrayLike, " N"], y_hat: Float[ArrayLike, " N"]) -> Float[Array, ""]:
+def mse(y: Float[ArrayLike, " N"], y_hat: Float[ArrayLike, " N"]) -> Scalar:
     """Mean squared error of eq. (4), in the squared unit of the channel."""
-    return jnp.mean((jnp.asarray(y, float) - jnp.asarray(y_hat, float)) ** 2)
+    xp, told, model = _arrays(y, y_hat)
+    return xp.mean((told - model) ** 2)
 
 
 def aligned(
     truth: Float[ArrayLike, "N 3"], estimate: Float[ArrayLike, "N 3"], alignment: Alignment
-) -> Float[Array, "N 3"]:
+) -> Float[Anything, "N 3"]:
     """The poses of `estimate`, moved and turned as a whole.
 
     Raises:
         ValueError: the arrays are not poses of one length.
     """
-    truth, estimate = jnp.asarray(truth, float), jnp.asarray(estimate, float)
-    if truth.ndim != 2 or truth.shape[1] != 3 or truth.shape != estimate.shape:
+    xp, true, own = _arrays(truth, estimate)
+    if true.ndim != 2 or true.shape[1] != 3 or true.shape != own.shape:
         raise ValueError(
             "truth and estimate need one shape (N, 3) of columns x, y, psi; "
-            f"got {truth.shape} and {estimate.shape}"
+            f"got {true.shape} and {own.shape}"
         )
     if alignment is Alignment.NONE:
-        return estimate
+        return own
     if alignment is Alignment.START:
-        centre, target = estimate[0, :2], truth[0, :2]
-        turn = truth[0, 2] - estimate[0, 2]
+        centre, target = own[0, :2], true[0, :2]
+        turn = true[0, 2] - own[0, 2]
     else:
-        centre, target = jnp.mean(estimate[:, :2], 0), jnp.mean(truth[:, :2], 0)
-        p, q = estimate[:, :2] - centre, truth[:, :2] - target
-        turn = turn_between(p, q)
-    c, s = jnp.cos(turn), jnp.sin(turn)
-    position = (estimate[:, :2] - centre) @ jnp.array([[c, s], [-s, c]]) + target
-    return jnp.concatenate([position, estimate[:, 2:] + turn], axis=1)
+        centre, target = xp.mean(own[:, :2], 0), xp.mean(true[:, :2], 0)
+        p, q = own[:, :2] - centre, true[:, :2] - target
+        turn = turn_between(p, q, xp)
+    c, s = xp.cos(turn), xp.sin(turn)
+    position = (own[:, :2] - centre) @ xp.array([[c, s], [-s, c]]) + target
+    return xp.concatenate([position, own[:, 2:] + turn], axis=1)
 
 
 def turn_between(p, q, xp=jnp):
@@ -71,27 +93,22 @@ def turn_between(p, q, xp=jnp):
 
 def translation_error(
     truth: Float[ArrayLike, "N 3"], estimate: Float[ArrayLike, "N 3"], alignment: Alignment
-) -> Float[Array, " N"]:
+) -> Float[Anything, " N"]:
     """Distance between both positions at each row, m. Its derivative is zero where they
-    coincide."""
-    apart = jnp.asarray(truth, float) - aligned(truth, estimate, alignment)
-    squared = jnp.sum(apart[:, :2] ** 2, axis=1)
-    met = squared == 0.0  # at an anchored start the distance is at its kink
-    return jnp.where(met, 0.0, jnp.sqrt(jnp.where(met, 1.0, squared)))
+    coincide, as at an anchored start."""
+    xp, true, own = _arrays(truth, estimate)
+    apart = true - aligned(true, own, alignment)
+    return _root(xp.sum(apart[:, :2] ** 2, axis=1), xp)
 
 
 def ate(
     truth: Float[ArrayLike, "N 3"],
     estimate: Float[ArrayLike, "N 3"],
     alignment: Alignment = Alignment.START,
-) -> dict[str, Float[Array, ""]]:
+) -> dict[str, Scalar]:
     """Absolute translation error as in the paper's table 3: `max`, `mean` and `rmse`, m."""
-    error = translation_error(truth, estimate, alignment)
-    return {
-        "max": jnp.max(error),
-        "mean": jnp.mean(error),
-        "rmse": jnp.sqrt(jnp.mean(error**2)),
-    }
+    xp, error = _arrays(translation_error(truth, estimate, alignment))
+    return {"max": xp.max(error), "mean": xp.mean(error), "rmse": _root(xp.mean(error**2), xp)}
 
 
 def spread(errors: Float[np.ndarray, " N"]) -> dict[str, float]:
@@ -105,10 +122,11 @@ def heading_error(
     truth: Float[ArrayLike, "N 3"],
     estimate: Float[ArrayLike, "N 3"],
     alignment: Alignment = Alignment.START,
-) -> Float[Array, " N"]:
+) -> Float[Anything, " N"]:
     """Heading of the estimate less the true one at each row, wrapped to ±pi, rad."""
-    apart = aligned(truth, estimate, alignment)[:, 2] - jnp.asarray(truth, float)[:, 2]
-    return jnp.arctan2(jnp.sin(apart), jnp.cos(apart))
+    xp, true, own = _arrays(truth, estimate)
+    apart = (aligned(true, own, alignment) - true)[:, 2]
+    return xp.arctan2(xp.sin(apart), xp.cos(apart))
 
 
 def relative_pose_error(

@@ -19,7 +19,7 @@ import jaxlib
 import numpy as np
 from jax import export
 
-from .files import write_bytes
+from .files import sources, write_bytes
 
 R = TypeVar("R")
 
@@ -130,11 +130,13 @@ class Kept(Generic[R]):
         def compiled(call: Callable) -> jax.stages.Compiled:
             return jax.jit(call).lower(structs).compile()
 
+        kept = None
         if file is not None and file.exists():
             with contextlib.suppress(Exception):  # what cannot be read is written anew
                 lowered, result = pickle.loads(file.read_bytes())
-                call = export.deserialize(bytearray(lowered)).call
-                return _Program(compiled(call), result)
+                kept = export.deserialize(bytearray(lowered)).call, result
+        if kept is not None:
+            return _Program(compiled(kept[0]), kept[1])
         results = []
 
         def flat(leaves):
@@ -179,8 +181,5 @@ def _file(name: str, arguments: str) -> Path | None:
 @cache
 def _surroundings() -> tuple[str, ...]:
     """The sources of this package, and the versions of what they are traced with."""
-    sources = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.rglob("*.py")):
-        sources.update(path.read_bytes())
     libraries = ("jax", "jaxlib", "equinox", "lineax", "optimistix")
-    return sources.hexdigest(), sys.version, *(version(name) for name in libraries)
+    return sources(), sys.version, *(version(name) for name in libraries)

@@ -12,13 +12,12 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from . import __version__
 from .config import DEFAULT_PLANTS, Config, IdentifyOptions, PlantSpec, load_config
 from .data.datasets import find_log
 from .data.read import config_of, plants_in, read_log
 from .data.record import Record
 from .errors import InputError, nearest
-from .files import output_folder, read_json, write_json
+from .files import output_folder, read_json, sources, write_json
 
 CELL = "vdmsi.sweep-cell/1"
 SWEEP = "vdmsi.sweep/1"
@@ -80,7 +79,11 @@ class Cell:
 
         head = {"schema": CELL, "key": self.key, "log": self.log.name, "plant": self.plant.name}
         try:
-            grid = identify(_read(self.log, self.config), self.plant, options=self.options)
+            if _fingerprint(self.log, self.config, self.plant, self.options) != self.key:
+                problem = "has changed since the sweep was planned, or its configuration has"
+                raise InputError(str(self.log), "", problem, "run the sweep again")
+            record = _read(self.log, self.config, _content(self.log, self.config))
+            grid = identify(record, self.plant, options=self.options)
         except InputError as refused:
             return head | {"refused": str(refused)}
         document = head | plant_document(grid)
@@ -155,7 +158,8 @@ def summarise(cells: Sequence[Cell], results: Sequence[dict[str, Any]]) -> list[
 
 
 @functools.lru_cache(maxsize=2)
-def _read(log: Path, config: Path | None) -> Record:
+def _read(log: Path, config: Path | None, digest: str) -> Record:
+    """The record of a log and its configuration, whose content is told by the digest."""
     return read_log(log, config)
 
 
@@ -176,7 +180,12 @@ def _plants_of(log: Path, config: Config) -> tuple[PlantSpec, ...]:
 
 
 def _fingerprint(log: Path, config: Path | None, plant: PlantSpec, options: IdentifyOptions) -> str:
-    digest = hashlib.sha256(json.dumps([repr(plant), repr(options), __version__]).encode())
-    for path in (log, config):
-        digest.update(b"" if path is None else hashlib.sha256(path.read_bytes()).digest())
-    return digest.hexdigest()
+    """Of all that a result depends on, this package's code among it."""
+    made_by = (repr(plant), repr(options), sources(), _content(log, config))
+    return hashlib.sha256(json.dumps(made_by).encode()).hexdigest()
+
+
+def _content(*paths: Path | None) -> str:
+    """A digest of what files hold."""
+    read = (b"" if path is None else path.read_bytes() for path in paths)
+    return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in read)).hexdigest()

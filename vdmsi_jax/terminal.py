@@ -35,8 +35,8 @@ def hush() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-OUT = _Console(highlight=False)
-ERR = Console(stderr=True, highlight=False)
+OUT = _Console(highlight=False, markup=False)  # names and remarks have brackets of their own
+ERR = Console(stderr=True, highlight=False, markup=False)
 
 
 @contextmanager
@@ -52,7 +52,7 @@ def working(what: str) -> Iterator[Callable[[str], None]]:
 def progress() -> Progress:
     """A bar on standard error that is gone when the work is done."""
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),

@@ -121,3 +121,13 @@ def test_a_sweep_refuses_what_it_would_not_read(tmp_path, table):
     (tmp_path / "sweep.toml").write_text(f'{table}\n[sweep]\nruns = [{{ log = "{log}" }}]\n')
     with pytest.raises(InputError, match="config = "):
         plan(tmp_path / "sweep.toml", tmp_path / "out")
+
+
+def test_a_log_that_changed_since_it_was_planned_is_no_old_result(tmp_path):
+    log = write_csv(tmp_path / "log.csv", drive())
+    (tmp_path / "vehicle.toml").write_text("[vehicle]\nl_f = 1.75\nl_r = 1.2\n")
+    (tmp_path / "sweep.toml").write_text(f'[sweep]\nruns = [{{ log = "{log}" }}]\n')
+    planned = plan(tmp_path / "sweep.toml", tmp_path / "out")
+    write_csv(log, drive() | {"v": [0.5 * x for x in drive()["v"]]})
+    assert "has changed since the sweep was planned" in planned[0].finish()["refused"]
+    assert planned[0].key != plan(tmp_path / "sweep.toml", tmp_path / "out")[0].key

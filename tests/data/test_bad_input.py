@@ -74,6 +74,10 @@ FILES = {
     "no header": (b"0.0,1.0,1.0\n0.1,1.0,1.0\n", ["no header"]),
     "binary": (bytes(range(256)) * 10, ["binary"]),
     "latin": ("t,v_cmd,v\n0,1,1 \xb0\n".encode("latin-1") * 20, ["UTF-8"]),
+    "ragged, of the usual number of cells": (
+        b"t,v_cmd,v,x\n0,1,1,1\n0.1,1\n0.2,1,1,1,1,1\n0.3,1,1,1\n",
+        ["line 3", "2 cells", "4"],
+    ),
     "ragged, short": (b"t,v_cmd,v\n0,1,1\n0.1,1\n0.2,1,1\n", ["line 3", "2 cells", "3"]),
     "ragged, long": (b"t,v_cmd,v\n0,1,1\n0.1,1,1,1\n0.2,1,1\n", ["line 3", "4 cells", "3"]),
     "twins": (b"t,v,v\n0,1,1\n0.1,1,1\n", ["two columns", "'v'"]),

@@ -67,6 +67,11 @@ def test_a_record_does_not_change():
     made = Record.from_arrays(dt=1.0, v=given)
     given[0] = 7.0
     assert made["v"][0] == 1.0
+    seen = given.view()
+    seen.flags.writeable = False  # and yet it changes with what it is a view of
+    made = Record.from_arrays(dt=1.0, v=seen)
+    given[0] = 1.0
+    assert made["v"][0] == 7.0
     with pytest.raises(ValueError):
         made["v"][0] = 2.0
     with pytest.raises(TypeError):

@@ -19,6 +19,7 @@ from ..metrics import (
     translation_error,
 )
 from ..model_file import Model, Plant
+from ..programs import make_room
 from ._nouns import (
     POSE,
     SUCCESSFUL,
@@ -56,6 +57,7 @@ def compare(record: Record, model: Model, *, window: float = 20.0) -> Comparison
     if not isinstance(model, Model):
         mend = "give a model, as load_model reads and identified makes it"
         raise InputError("model", "", f"{type(model).__name__} is no model", mend)
+    make_room()
     plants = {name: plant for name, plant in model.plants.items() if plant.spec.input in record}
     if not model.plants:
         mend = "give one that was identified from logs with commands"

@@ -66,7 +66,7 @@ def responses(
             commands = _padded(record, record[spec.input])
             starts = _starts(record, model, plant, every, kind)
             rows = [
-                _run(one, u, record.dt, x0)
+                _run(one, u, jnp.asarray(record.dt), x0)
                 for one, u, x0 in zip(every, commands, starts, strict=True)
             ]
             found[spec.output] = _joined(record, rows)
@@ -214,7 +214,7 @@ def _starts(
         own, u, y = _first(own, len(known)), u[:rows], y[:rows][known]
 
         def response(c: float, own=own, u=u, known=known) -> np.ndarray:
-            moved = np.asarray(_run(own, u, record.dt, c * rest))
+            moved = np.asarray(_run(own, u, jnp.asarray(record.dt), c * rest))
             if kind is Kind.EXTENDED:
                 moved = _measured(record, model, output, moved)
             return moved[known]

@@ -17,6 +17,7 @@ from .table import Table
 
 _CHUNK = 20_000  # rows that are turned into numbers at once
 _SNIFF = 1 << 16  # bytes that are looked at first
+_BLOCK = 1 << 22  # bytes whose separators are counted at once
 
 
 class CsvTable(Table):
@@ -110,11 +111,6 @@ class CsvTable(Table):
     def _read_fast(self, names: list[str]) -> dict[str, np.ndarray] | None:
         """The columns by numpy's parser in C, or None where the file is not as regular as that
         needs."""
-        with self.path.open("rb") as file:
-            separators = sum(
-                block.count(self._delimiter.encode())
-                for block in iter(lambda: file.read(1 << 22), b"")
-            )
         try:
             with warnings.catch_warnings(action="ignore"):  # about a file without rows
                 values = np.loadtxt(
@@ -129,9 +125,27 @@ class CsvTable(Table):
                 )
         except ValueError:
             return None
-        if separators != (len(values) + 1) * (len(self.names) - 1):
+        if self._full_lines() != len(values) + 1:  # the header is one
             return None
         return {name: np.ascontiguousarray(values[:, i]) for i, name in enumerate(names)}
+
+    def _full_lines(self) -> int | None:
+        """How many lines have as many separators as the header; None where one has others than
+        that or none, as a comment may have."""
+        full, carried = 0, np.zeros(0, np.uint8)
+        with self.path.open("rb") as file:
+            for block in iter(lambda: file.read(_BLOCK), b""):
+                carried = np.concatenate([carried, np.frombuffer(block, np.uint8)])
+                ends = np.flatnonzero(carried == ord("\n"))
+                if not len(ends):
+                    continue
+                told = np.diff(np.cumsum(carried == ord(self._delimiter))[ends], prepend=0)
+                if not np.isin(told, (0, len(self.names) - 1)).all():
+                    return None
+                full += int(np.count_nonzero(told))
+                carried = carried[ends[-1] + 1 :]
+        last = int(np.count_nonzero(carried == ord(self._delimiter)))
+        return full + bool(last) if last in (0, len(self.names) - 1) else None
 
     def _read_any(self, numbers: Collection[str], texts: Collection[str]) -> dict[str, np.ndarray]:
         """The columns cell by cell: texts, empty cells, quotes; and the line and column of what is

@@ -186,4 +186,8 @@ def locate(dataset: str, log: str) -> tuple[Path, Path]:
             f"put it there, or set VDMSI_DATA to the folder that holds {dataset}/"
         )
         raise InputError(str(path), "", "the log is not on this machine", mend)
-    return path, _ROOT / "configs" / "data" / found.logs[log]
+    config = _ROOT / "configs" / "data" / found.logs[log]
+    if not config.is_file():
+        mend = "clone the repository, which has those of all these sets"
+        raise InputError(str(config), "", "its configuration is not installed", mend)
+    return path, config

@@ -5,7 +5,7 @@ import types
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import PurePath
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -418,9 +418,16 @@ def _labels(records: Sequence[Record]) -> list[str]:
 
 
 def _frozen(values, dtype) -> np.ndarray:
-    """A read-only array; a copy, unless it is read-only already."""
+    """A read-only array; a copy, unless nobody can write to it already."""
     array = np.asarray(values, dtype=dtype)
-    if array.flags.writeable:
-        array = array.copy() if array is values else array
+    if array.flags.writeable or not _owned(array):
+        array = array.copy()
         array.flags.writeable = False
     return array
+
+
+def _owned(array: Any) -> bool:
+    """Whether all that an array is a view of is read-only."""
+    while isinstance(array, np.ndarray) and not array.flags.writeable:
+        array = array.base
+    return array is None

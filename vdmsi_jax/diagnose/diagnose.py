@@ -84,7 +84,7 @@ def _diagnose(
     several, dead = _alive(several)
     unshared = _unshared(several)
     if plants_of(several):
-        several = _without(several, {c for own in _lacking(several).values() for c in own})
+        several = _without(several, {c for _, own in _lacking(several) for c in own})
     several, stuck = without_stuck_speed(several)
     against = [*stuck, *contradictions(several, plants_of(several))]
     several = _without(several, {c for one in against for c in one.leave})
@@ -297,20 +297,20 @@ def _without(records: list[Record], gone: Set[str]) -> list[Record]:
     return [replace(r, channels=kept(r.channels), filled=kept(r.filled)) for r in records]
 
 
-def _lacking(records: Sequence[Record]) -> dict[str, list[str]]:
-    """The channels that others have, by record: they are left aside in all, since half of a speed
-    would tell that a vehicle stood."""
+def _lacking(records: Sequence[Record]) -> list[tuple[str, list[str]]]:
+    """Records and the channels that they lack and others have: they are left aside in all, since
+    half of a speed would tell that a vehicle stood."""
     plants = [c for r in records for p in r.plants for c in (p.input, p.output)]
     every = dict.fromkeys(c for c in (*_OF_A_VEHICLE, *plants) if any(c in r for r in records))
-    lacking = {r.log: [c for c in every if c not in r] for r in records}
-    return {name: missing for name, missing in lacking.items() if missing}
+    lacking = [(r.log, [c for c in every if c not in r]) for r in records]
+    return [(name, missing) for name, missing in lacking if missing]
 
 
 def _unshared(records: Sequence[Record]) -> list[str]:
     """Which records lack channels that others have, in words."""
     return [
         f"{name} lacks {', '.join(missing)}: not looked at in any log."
-        for name, missing in _lacking(records).items()
+        for name, missing in _lacking(records)
     ]
 
 

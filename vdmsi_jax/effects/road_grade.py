@@ -8,14 +8,14 @@ from jaxtyping import Array, Float
 
 from vdmsi_jax.effects.base import AbstractEffect, Scales, Signals
 from vdmsi_jax.parameters import parameter
+from vdmsi_jax.units import STANDARD_GRAVITY
 
 KNOTS = 24
-GRAVITY = 9.80665  # m/s^2
 
 
 class RoadGrade(AbstractEffect):
     """Gravity along the road, as the command that is spent on it; every run begins at the same
-    place, and past the last knot the road is level.
+    place. Past the last knot the slope falls to zero over the distance of two knots.
 
     Attributes:
         span: distance between the first knot, where a run begins, and the last, m.
@@ -45,6 +45,6 @@ class RoadGrade(AbstractEffect):
         at = signals.distance / self.span * (KNOTS - 1)
         knots = jnp.arange(KNOTS)
         hats = jnp.maximum(0.0, 1.0 - jnp.abs(at[:, None] - knots))
-        pull = GRAVITY * signals.slowness * (hats @ self.slope)
+        pull = STANDARD_GRAVITY * signals.slowness * (hats @ self.slope)
         steps = pull.shape[0] * signals.substeps
         return jnp.repeat(pull, signals.substeps, total_repeat_length=steps)

@@ -29,9 +29,10 @@ class ExtendedTrace(AbstractTrace):
     substeps: int = eqx.field(static=True)
 
     def rows(self) -> PlantResponse:
-        """The response at the rows; its rate is the mean over the first sub-step."""
+        """The response at the rows; its rate is the mean over the first sub-step. What the effects
+        remember at the end is no state that another record could be started from."""
         now, then = self._pieces()
-        return PlantResponse(now[:, 0], (then - now)[:, 0] / self.h, self.y[-1:])
+        return PlantResponse(now[:, 0], (then - now)[:, 0] / self.h, None)
 
     def at(self, tau: Float[Array, " J"]) -> Float[Array, "N J"]:
         """Response `tau` seconds after each row, `0 <= tau < dt`."""
@@ -102,10 +103,13 @@ class ExtendedPlant(AbstractPlant):
             x0: state of the linear part at the first row; `None` for a start at rest.
 
         Raises:
-            ValueError: what the plant was told has another number of rows.
+            ValueError: what the plant was told has another number of rows, or `x0` another number
+                of states.
         """
         u, dt = jnp.asarray(u, float), jnp.asarray(dt, float)
         linear, rows = self.plant.to_plant(), u.shape[0]
+        if x0 is not None and x0.shape != linear.rest.shape:
+            raise ValueError(f"the plant has states {linear.rest.shape}, and x0 has {x0.shape}")
         at_rest = linear.initial_state(jnp.ones(()), rows * dt)
         signals = self._signals(rows, dt)
         u = jnp.append(u, u[-1])  # one row more, where the last sample ends

@@ -16,14 +16,15 @@ class PlantResponse(eqx.Module):
 
     Attributes:
         y: response at each row, with that row's command already applied; output unit.
-        dy: its exact derivative at the same instants while the command is held; output unit per
-            second. The jumps of `y` where a command jumps (feed-through) are no part of it.
-        x_end: state one sample after the last row, where a following record would start.
+        dy: its derivative at the same instants while the command is held; output unit per second.
+            The jumps of `y` where a command jumps (feed-through) are no part of it.
+        x_end: state one sample after the last row, where a following record would start; `None`
+            where the plant remembers more than a start can be given.
     """
 
     y: Float[Array, " N"]
     dy: Float[Array, " N"]
-    x_end: Float[Array, " n"]
+    x_end: Float[Array, " n"] | None
 
 
 class AbstractTrace(eqx.Module):

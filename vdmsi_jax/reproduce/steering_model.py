@@ -277,7 +277,7 @@ def _fit_one(u: Array, y: Array) -> tuple[Array, Array, Array]:
         lower = jnp.array([1.0, -jnp.inf, -jnp.inf, -jnp.inf])
         free = jnp.ones(4, bool).at[3].set(offset)
         found = least_squares(lambda x: small(x) - y, start, sizes, lower, free, steps=8)
-        return fit_percent(y, small(found.parameters))
+        return jnp.asarray(fit_percent(y, small(found.parameters)))
 
     def p2z2(found: Fitted, settles: Array) -> tuple[Fitted, None]:
         first = jnp.array([15.0, _START, 0.0, 15.0, 15.0 * _START])

@@ -30,9 +30,10 @@ def simulate(
         vehicle: VDM, VDM-SI, or one with effects; a model is the vehicle that it describes.
         commands: held between the rows; a record without gaps gives its own.
         start: state at the first row; at the origin, heading along x, if `None`.
-        method: `Quadrature()`, `Arcs()` or `Solver()`; `None` for the fastest that is exact here,
+        method: `Quadrature()`, `Arcs()` or `Solver()`; `None` for the fastest that suits,
             which is `Arcs` where the steering is followed at once (and no effect bends the arcs)
-            and `Quadrature` otherwise.
+            and `Quadrature` otherwise (with its error where a response has kinks, as under a
+            `RateLimited` steering).
 
     Returns:
         The trajectory at the rows. A failure does not raise; it stands in its `status`.
@@ -72,8 +73,9 @@ def simulate_many(
     """`simulate` over many vehicles, many records of commands, or both pairwise.
 
     Whatever has a leading axis is batched, the rest is shared: vehicles by `stack_vehicles` or
-    `eqx.filter_vmap`, commands of the shape `(K, N)`, starts of the shape `(K,)`. Batches of
-    `batch_size` keep the memory small, and on a CPU are faster than one `jax.vmap` over thousands.
+    `eqx.filter_vmap`, commands of the shape `(K, N)` whose `dt` and the like have none or `(K,)`,
+    starts of the shape `(K,)`. Batches of `batch_size` keep the memory small, and on a CPU are
+    faster than one `jax.vmap` over thousands.
 
     Args:
         vehicles: one or K.
@@ -93,8 +95,10 @@ def simulate_many(
     arrays, static = eqx.partition(parts, eqx.is_array)
     batched = (
         jax.tree.map(lambda _: vehicles.bicycle.l_f.ndim > 0, arrays[0]),
-        jax.tree.map(lambda leaf: leaf.ndim > 1, arrays[1]),
-        jax.tree.map_with_path(lambda path, leaf: leaf.ndim > _rank(path), arrays[2]),
+        *(
+            jax.tree.map_with_path(lambda path, leaf: leaf.ndim > _rank(path), part)
+            for part in arrays[1:]
+        ),
     )
     mapped, shared = eqx.partition(arrays, batched)
     lengths = {leaf.shape[0] for leaf in jax.tree.leaves(mapped)}
@@ -110,5 +114,5 @@ def simulate_many(
 
 
 def _rank(path: tuple) -> int:
-    """Dimensions of a leaf of `Start` that is not batched."""
-    return 1 if path[-1].name in ("powertrain", "steering") else 0
+    """Dimensions of a leaf of `Commands` or `Start` that is not batched."""
+    return 1 if path[-1].name in ("v_cmd", "delta_cmd", "powertrain", "steering") else 0
