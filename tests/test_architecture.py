@@ -24,7 +24,7 @@ LAYERS = (
     {"data"},
     {"models", "effects", "model_file"},
     {"metrics", "scenarios", "control", "first_look"},
-    {"simulate", "sensitivity", "testbed"},
+    {"simulate", "testbed"},
     {"identify"},
     {"bands", "compare", "correlation", "sweep", "diagnose", "fusion"},
     {"reproduce"},

@@ -70,7 +70,7 @@ def hot(u):
 
 
 def judged(error, u, y, other=0.0):
-    linear, families = of_plant(u, y, other + np.zeros_like(u), T, ("u", "y"), MASK, DT)
+    linear, families = of_plant(u, y, other + np.zeros_like(u), T, ("u", "y"), MASK, DT, 0.2)
     return explained(weighed(error, linear, families, MASK, ~MASK, DT))
 
 
@@ -81,6 +81,7 @@ EFFECTS = {
         u, lambda y, move: np.where(move > 0.0, 0.15, 0.28)
     ),
     "a gain that changes with the state": lambda u: np.sin(1.2 * lagged(u, 0.2)) / 1.2,
+    "a gain that changes with the command": lambda u: lagged(u + 0.1 * np.sign(u), 0.2),
     "a change with time": lambda u: lagged(u, 0.2, gain=1.0 + 0.1 * T / T.max()),
 }
 

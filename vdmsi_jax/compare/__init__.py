@@ -1,11 +1,11 @@
 """Measured, VDM, VDM-SI and the extended model side by side: responses, paths, and where they
 part."""
 
+from ..config import POSE as POSE
 from ._compare import compare as compare
 from ._compare import identified as identified
 from ._files import simulation_document as simulation_document
 from ._files import write_trajectories as write_trajectories
-from ._nouns import POSE as POSE
 from ._nouns import SUCCESSFUL as SUCCESSFUL
 from ._nouns import Comparison as Comparison
 from ._nouns import PoseErrors as PoseErrors

@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from ..config import POSE
 from ..files import in_a_file_name
 from ..metrics import write_tum
-from ._nouns import POSE, Comparison, Prediction, has_pose
+from ._nouns import Comparison, Prediction, has_pose
 
 SIMULATION = "vdmsi.simulation/1"
 

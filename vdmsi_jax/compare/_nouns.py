@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from ..config import POSE
 from ..data.record import Record
 from ..metrics import spread
 
 SUCCESSFUL = "successful"
-POSE = ("x", "y", "psi")
 
 
 def has_pose(channels: Collection[str]) -> bool:

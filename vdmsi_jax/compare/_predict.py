@@ -9,13 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ArrayLike, Float
 
+from ..config import POSE
 from ..data.record import Record
 from ..effects import Signals
 from ..model_file import Model, Plant
 from ..models.extended_plant import ExtendedPlant, surroundings
 from ..models.plant import AbstractPlant
 from ..simulate import RESULTS, Commands, Start, resting_command, simulate
-from ._nouns import POSE, SUCCESSFUL, has_pose
+from ._nouns import SUCCESSFUL, has_pose
 
 START_TIME = 0.2
 """How much of the measured response, s, tells the state at a start."""

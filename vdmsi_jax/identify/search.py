@@ -6,7 +6,6 @@ orders start at other delays and from neighbours with more.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,7 +21,7 @@ from vdmsi_jax.identify.pairs import promising_pairs
 from vdmsi_jax.identify.refine import Candidate, Judged, judge, refine
 from vdmsi_jax.identify.response import N_MAX, Details, Order, detail
 from vdmsi_jax.programs import Kept
-from vdmsi_jax.threads import AT_ONCE
+from vdmsi_jax.threads import each
 
 _CUTOFFS = (1.0, 4.0)  # of the first filters, in units of the pole of the best first-order fit
 _NEW_POLES = (0.5, 5.0)  # where a nested start puts its extra pole, in the same units
@@ -314,11 +313,11 @@ class Search:
             start, order = _stack(padded, delay=self.has_delay, offset=self.offset)
             batches.append((start if name == "refine" else start.candidate, order))
 
-        def run(batch: tuple[Any, Order], part: list[Point]) -> list[Point]:
-            return _unstack(_PROGRAMS[name](*batch, self.samples, self.longest), part)
+        def run(batch: tuple[tuple[Any, Order], list[Point]]) -> list[Point]:
+            stacked, part = batch
+            return _unstack(_PROGRAMS[name](*stacked, self.samples, self.longest), part)
 
-        with ThreadPoolExecutor(AT_ONCE) as pool:
-            return [point for found in pool.map(run, batches, parts) for point in found]
+        return sum(each(run, list(zip(batches, parts, strict=True))), [])
 
 
 def simulate_points(
@@ -434,7 +433,4 @@ def _compile(samples: Samples, lanes: int, detailed: int) -> None:
         "judge": (start.candidate, order, samples, longest),
         "detail": (finished.candidate, orders, samples, segments),
     }
-    with ThreadPoolExecutor(AT_ONCE) as pool:
-        made = [pool.submit(_PROGRAMS[name].compile, *told) for name, told in given.items()]
-        for program in made:
-            program.result()
+    each(lambda one: _PROGRAMS[one[0]].compile(*one[1]), list(given.items()))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from ..config import POSE
 from ..data.record import Record
 from ..metrics import Alignment, aligned, ate, fit, heading_error, translation_error
 from ..models.commands import Commands
@@ -15,7 +16,6 @@ from .course import Course
 from .vdm import Rule, rules
 
 STATISTICS = ("max", "mean", "rmse")
-POSE = ("x", "y", "psi")
 
 
 @dataclass(frozen=True)

@@ -109,6 +109,9 @@ def of_plant(
     effort += [history(u**2 / usual, s, dt) * (1.0 - np.exp(-t / s)) for s in _PASTS]  # from cold
     paced = [np.abs(y) * rate, y * rate, y**2 * rate, np.abs(rate), np.abs(rate) * rate]
     paced += [history(x, s, dt) for s in (0.2, 1.0) for x in paced]
+    span = float(np.clip(span, 3.0 * dt, 0.1 * max(float(np.ptp(t)), 30.0 * dt)))
+    bent = [history(x, span, dt) for x in _curves(u, mask)]  # as a plant of one pole, or two, moves
+    slower = [history(x, span, dt) for x in bent]
     now = t / max(float(t.max()), dt)
     aging = [now, now**2, now * y, now**2 * y, now * rate]
     found = [
@@ -116,6 +119,7 @@ def of_plant(
         _family(MEMORY, [command], [y * x for x in effort]),
         _family(PACE, [response], paced, _PACED),
         _family("a gain that changes with the state", [response], _curves(y, mask), _CURVED),
+        _family("a gain that changes with the command", [command], [*bent, *slower], _CURVED),
         _family("a change with time", ["t"], aging, _AGING),
     ]
     states = {command: u, response: y, f"rate of {response}": rate, "t": t}
@@ -129,7 +133,6 @@ def of_plant(
         paced += [history(x, s, dt) for s in (0.2, 1.0) for x in paced]
         found.append(_family(PACE_BY_OTHER, ["the other command"], paced))
         states["the other command"] = other
-    span = float(np.clip(span, 3.0 * dt, 0.1 * max(float(np.ptp(t)), 30.0 * dt)))
     past = [history(u, k * span, dt) for k in _SPANS]
     efforts = [history(np.abs(u - u[mask].mean()), k * span, dt) for k in _EFFORTS]
     loops = y - plays(y, [0.5 * w * float(np.ptp(y[mask])) for w in _LOOPS])
@@ -234,6 +237,7 @@ def _hysteresis(x: np.ndarray, name: str, mask: np.ndarray, causes: tuple = ()) 
 
 
 def _curves(y: np.ndarray, mask: np.ndarray) -> list[np.ndarray]:
+    """What a gain that bends at any level adds."""
     width = float(np.ptp(y[mask]))
     bent = [np.abs(y - c * width) for c in (-0.3, 0.0, 0.3)]
     return [y**2, y**3, np.abs(y) * y, np.sign(y), *bent]
