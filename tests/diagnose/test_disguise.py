@@ -61,5 +61,8 @@ def test_friction_in_the_place_of_a_play_holds_a_body_on_a_spring(stage):
         assert h.order == "P3Z0" and h.num[-1] / h.den[-1] == pytest.approx(2.0)
         poles = np.roots(h.den) * stage.pace
         assert np.any(np.isclose(poles, -2.0)) and np.sum(poles.imag != 0.0) == 2
+    both = Hypothesis(1, 0, (number, *starts[0].active), theta)
+    others = held(stage, plant(both, stage, den, np.array([2.0 * den[-1]])), number)
+    assert not any(set(h.active) == set(starts[0].active) for h in others)  # it is there already
     one = Hypothesis(1, 0, (number,), theta)
     assert held(stage, plant(one, stage, np.array([1.0, 1.0]), np.ones(1)), number) == []

@@ -61,7 +61,8 @@ def stuck(stage: Stage) -> list[Hypothesis]:
 
 def held(stage: Stage, h: Hypothesis, number: int) -> list[Hypothesis]:
     """Friction in the place of a play: what it holds is a body on a spring behind the rest of the
-    plant, as a valve's stem behind its actuator, whose fastest poles a mode takes the place of."""
+    plant, as a valve's stem behind its actuator, whose fastest poles a mode takes the place of.
+    None where that friction is beside the play already."""
     slot, bare = stage.slots[number], without(stage, h, number)
     poles = np.roots(bare.den)
     poles = poles[np.argsort(np.abs(poles))]
@@ -70,7 +71,7 @@ def held(stage: Stage, h: Hypothesis, number: int) -> list[Hypothesis]:
     if not behind.size or behind.size > POLES - 2 or behind[0].imag or gain == 0.0:
         return []
     made, level = [], abs(0.5 * h.theta[slot.index[0]] / gain)
-    for k in _against_motion(stage):
+    for k in (k for k in _against_motion(stage) if k not in h.active):
         for pace in _HELD_PACES * abs(fastest):
             mode = [1.0, 2.0 * _HELD_DAMPING * pace, pace**2]
             den = np.polymul(np.poly(behind).real, mode)
