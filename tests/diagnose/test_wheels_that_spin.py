@@ -1,10 +1,14 @@
 """Wheels that spin, whose speed is not the vehicle's: no cause of the library, and yet several of
 the body together take much of the errors of yaw rate and steps, and ruin the path."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import vdmsi_jax as vj
+from vdmsi_jax.diagnose.body.body import CAUSES
+from vdmsi_jax.diagnose.body.search import BodySearch
 
 DT, ROWS, FINE, WHEELBASE = 0.02, 1500, 20, 2.6
 
@@ -49,3 +53,15 @@ def test_causes_of_the_body_that_together_ruin_the_path_leave_the_model():
     for f in spoil:
         assert f.gain.ate_after is not None
         assert f.gain.ate_after > 4.0 * told.ate["baseline"]["mean"]
+
+
+def test_it_is_the_speed_that_is_off_where_all_else_is_late():
+    number = {(cause.cause, cause.channel): k for k, cause in enumerate(CAUSES)}
+
+    def late(*sensors: tuple[str, str]) -> bool:
+        findings = [SimpleNamespace(number=number[sensor]) for sensor in sensors]
+        return BodySearch.all_late.fget(SimpleNamespace(findings=findings))
+
+    two = (("sensor_lag", "r"), ("sensor_delay", "pose"))
+    assert late(("sensor_delay", "delta"), *two)
+    assert not late(*two) and not late(("sensor_bias", "v"), *two)

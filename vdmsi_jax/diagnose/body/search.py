@@ -33,6 +33,7 @@ _CHANNELS_COST = 8.0
 _MOST = 7
 _RESTS, _FITS_TO_REST = 1.0, 6  # gain of a fit more after which the plain body rests, and how many
 _REFITTED = 5  # candidates of a screen that are refitted
+_BEHIND = ("sensor_delay", "sensor_lag")
 _TIMES = ("delay", "time_constant", "length", "lag")
 _MUCH = 0.3  # of the error, that data held out bear out
 _STRANGE = 40.0  # what a bank costs whose pull no slope makes, in twice the log-likelihood
@@ -85,6 +86,13 @@ class BodySearch:
     final: BodyFit
     findings: tuple[BodyFinding, ...]
     failed: tuple[BodyFailed, ...] = ()
+
+    @property
+    def all_late(self) -> bool:
+        """Whether angle, yaw rate and pose are all late: then it is the speed that goes ahead of
+        the vehicle, as that of wheels that spin does, and no sensor's delay."""
+        causes = (CAUSES[f.number] for f in self.findings)
+        return {"delta", "r", "pose"} <= {c.channel for c in causes if c.cause in _BEHIND}
 
 
 def body_price(active: Sequence[int]) -> float:

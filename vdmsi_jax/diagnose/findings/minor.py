@@ -21,6 +21,7 @@ LITTLE = "it takes little of the error"
 """Of what is significant and of no weight."""
 
 SPOILS = "the path gets worse with it"
+NO_SPEED = "all but the speed would be late, as where that is none of the vehicle's"
 SLOW = "any slow error has such a part"
 """Of what changes with time, or is there all the time."""
 BEGINS = "it is there only as the runs begin or end, as what warms up is"

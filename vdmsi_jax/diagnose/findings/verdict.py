@@ -28,7 +28,17 @@ from .experiment import experiment
 from .extension import extended_model, plain_model
 from .looked import Looked
 from .merging import merged, of_yaw_rate
-from .minor import LITTLE, SLOW, SPOILS, Weighed, changes_somehow, crowd, overshadowed, worsens
+from .minor import (
+    LITTLE,
+    NO_SPEED,
+    SLOW,
+    SPOILS,
+    Weighed,
+    changes_somehow,
+    crowd,
+    overshadowed,
+    worsens,
+)
 from .naming import Named, of_stage, with_form
 from .road import Road
 from .rounding import COARSE, quantised, tells_rounding
@@ -56,8 +66,11 @@ class Evidence:
     def diagnosis(self) -> Diagnosis:
         """Confirm on data held out, rank, and look at what is left."""
         road = self._road()
-        if road is not None and road.ruined and self.bodily is not None and self.bodily.findings:
-            return self._beside(road, self.bodily)
+        if self.bodily is not None and self.bodily.findings:
+            if road is not None and road.ruined:
+                return self._beside(road, self.bodily, SPOILS)
+            if self.bodily.all_late:
+                return self._beside(road, self.bodily, NO_SPEED)
         models = (self.runs, self.searches, self.bodily)
         remains = self._remains()
         plain, extended = (channel_scores(*models[1:], extended=e) for e in (False, True))
@@ -102,15 +115,15 @@ class Evidence:
         )
         return replace(told, summary=summary(told))
 
-    def _beside(self, road: Road, bodily: BodySearch) -> Diagnosis:
-        """Without the causes of the body, which together ruin the path: they are minor, and leave
-        the model. What an actuator may have done as well is told as that one's."""
+    def _beside(self, road: Road | None, bodily: BodySearch, why: str) -> Diagnosis:
+        """Without the causes of the body, which together are none: they are minor, and leave the
+        model. What an actuator may have done as well is told as that one's."""
         alone = [c for c in self._causes() if c.body is not None and c.search is None]
         trials = [(c, self._trial(c)) for c in alone]
         spoil = [self._finding(c, trial, road) for c, trial in trials if trial.worth > 0.0]
         without = replace(self, bodily=replace(bodily, final=bodily.plain, findings=()))
         told = without.diagnosis()
-        minor = (*told.minor, *(apart(found, SPOILS) for found in spoil))
+        minor = (*told.minor, *(apart(found, why) for found in spoil))
         told = replace(told, minor=tuple(sorted(minor, key=_rank)))
         return replace(told, summary=summary(told))
 

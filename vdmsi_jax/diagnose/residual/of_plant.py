@@ -89,8 +89,8 @@ def _structure(
         needs = needs[:0]
     about = spec.output, e, white, stage.y, needs, masks, stage.dt
     slow = slow_error(*about, known, moves, stage.scales.time_constant)
-    if slow is not None:
-        found.append(replace(slow, answered=loaded))
+    if slow is not None and not any(u.of_form and u.fraction > slow.fraction for u in found):
+        found.append(replace(slow, answered=loaded))  # which the form of a cause does not leave
     use, beside = stage.mask | stage.held_out, bool(causes)
     if not (loaded or puzzles(found) or is_rounding(steps, e[use])):
         found += taken_for_noise(spec.output, e, white, stage.y, use, beside, _MOST)
