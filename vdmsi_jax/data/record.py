@@ -121,7 +121,8 @@ class Record:
         units: Mapping[str, str] | None = None,
         **channels,
     ) -> "Record":
-        """Make a record of arrays that are evenly sampled and in SI already.
+        """Make a record of arrays that are evenly sampled and in SI already. `read_log` takes
+        arrays that have a time, gaps, other units, or samples that are missing.
 
         Args:
             dt: sample period, s.
@@ -142,7 +143,8 @@ class Record:
                 name, "dt", f"{dt} is no sample period", "give seconds, more than zero"
             )
         if "t" in channels:
-            raise InputError(name, "t", "time is no channel", "give dt and t0 instead")
+            mend = "give dt and t0 instead, or a mapping with t and arrays to read_log"
+            raise InputError(name, "t", "time is no channel", mend)
         arrays = {key: np.asarray(values, dtype=np.float64) for key, values in channels.items()}
         if not arrays:
             raise InputError(
@@ -165,7 +167,7 @@ class Record:
                     name,
                     f"{key}, sample {bad}",
                     f"{values[bad]} is not finite",
-                    "repair it, or cut it out",
+                    "repair it, or cut it out, as read_log does of a mapping with t and arrays",
                 )
             refuse_absurd(name, key, values)
         if n < 2:

@@ -1,8 +1,11 @@
 """What an identification returns: one `Fit` per order, and the `OrderGrid` of all of them."""
 
+import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from os import PathLike
 from statistics import NormalDist
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -173,6 +176,21 @@ class OrderGrid:
             }
             for f in self.fits.values()
         ]
+
+    def write(self, folder: str | PathLike[str], *, report: bool = True) -> None:
+        """Write what `vdmsi identify` writes of a plant: `identify.json`, which `load_model` takes,
+        and, if asked, `report.html`. The grids of several plants go into one folder by
+        `vdmsi_jax.report.files.write_identification`.
+
+        **Arguments:**
+
+        - `folder`: made if it is not there.
+        - `report`: whether to draw the report, too.
+
+        **Raises:** `InputError` if the folder cannot be made or written to.
+        """
+        files: Any = importlib.import_module("vdmsi_jax.report.files")  # loaded when asked for
+        files.write_identification(folder, {self.plant.name: self}, report=report)
 
 
 def _roots(coefficients: ArrayLike) -> NDArray[np.complex128]:

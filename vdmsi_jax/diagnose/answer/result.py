@@ -4,6 +4,7 @@ import importlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from os import PathLike
 from typing import Any, Literal
 
 import numpy as np
@@ -353,3 +354,17 @@ class Diagnosis:
             "vdmsi_jax.plots"
         )  # loaded when a picture is asked for
         return plots.diagnosis(self)
+
+    def write(self, folder: str | PathLike[str], *, report: bool = True) -> None:
+        """Write what `vdmsi diagnose` writes: `diagnosis.json`, `model.json` and, if asked,
+        `report.html`.
+
+        Args:
+            folder: made if it is not there.
+            report: whether to draw the report, too.
+
+        Raises:
+            InputError: the folder cannot be made or written to.
+        """
+        files: Any = importlib.import_module("vdmsi_jax.report.files")  # loaded when asked for
+        files.write_diagnosis(folder, self, report=report)
