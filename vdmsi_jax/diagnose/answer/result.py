@@ -308,7 +308,7 @@ class Diagnosis:
         paths: the held-out drives on the road, for pictures.
         records: the logs.
         held_out: what was held out, in words.
-        summary: the whole answer in a few sentences.
+        summary: the whole answer in a few sentences, the last of which are those of `unseen`.
         contradictions: what the logs say against themselves, such as a heading that turns the other
             way, a sentence each with the mend; each is among `unexplained`, too.
     """
@@ -346,7 +346,8 @@ class Diagnosis:
 
     def __repr__(self) -> str:
         named = ", ".join(f"{f.cause} ({f.channel or f.where})" for f in self.findings)
-        return f"<Diagnosis {self.verdict}: {named or 'no finding'}>"
+        partly = "; not all was looked at, see unseen" if self.unseen else ""
+        return f"<Diagnosis {self.verdict}: {named or 'no finding'}{partly}>"
 
     def plot(self) -> Any:
         """The whole answer as one figure: measured and simulated, residuals, gains, budget."""
