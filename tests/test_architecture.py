@@ -128,6 +128,11 @@ def test_every_public_name_stands_for_type_checkers_too():
     assert seen == set(vdmsi_jax.__all__)
 
 
+def test_what_completes_the_package_are_its_public_names_alone():
+    assert set(dir(vdmsi_jax)) == {*vdmsi_jax.__all__, "__version__"}
+    assert {"Quadrature", "Arcs", "Solver", "Prepare"} <= set(vdmsi_jax.__all__)
+
+
 def test_a_verb_stays_the_verb_when_its_module_is_imported():
     for name in vdmsi_jax.__all__:
         assert not inspect.ismodule(getattr(vdmsi_jax, name)), name
