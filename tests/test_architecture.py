@@ -19,7 +19,7 @@ PACKAGE = ROOT / "vdmsi_jax"
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
 LAYERS = (
-    {"errors", "units", "decode", "files", "parameters", "programs", "threads"},
+    {"errors", "units", "decode", "files", "parameters", "programs", "shown", "threads"},
     {"config"},
     {"data"},
     {"models", "effects", "model_file"},

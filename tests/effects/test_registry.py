@@ -17,8 +17,9 @@ from vdmsi_jax.effects.gain_asymmetry import GainAsymmetry
 from vdmsi_jax.effects.rate_limit import RateLimit
 from vdmsi_jax.effects.regime_change import RegimeChange
 from vdmsi_jax.effects.saturation import Saturation
-from vdmsi_jax.models.extended_plant import respond
+from vdmsi_jax.models.extended_plant import ExtendedPlant, respond
 from vdmsi_jax.models.observer_form import observer
+from vdmsi_jax.models.transfer_function import TransferFunction
 from vdmsi_jax.parameters import parameters, with_values
 
 WORDS = set(
@@ -111,6 +112,13 @@ def test_a_limit_in_the_place_of_its_inverse_is_refused_where_that_shows():
         Saturation(lower=-2.0)
     with pytest.raises(ValueError, match="lets nothing through"):
         Saturation.of(upper=0.0)
+
+
+def test_an_effect_prints_its_numbers():
+    assert repr(DeadZone(0.25)) == "DeadZone(half_width=0.25)"
+    assert "num=[2.0]" in repr(
+        ExtendedPlant(TransferFunction([2.0], [1.0, 2.0]), (DeadZone(0.25),))
+    )
 
 
 @every_effect

@@ -88,7 +88,8 @@ class Prediction:
     def __str__(self) -> str:
         fits = [f"FIT of {name} {score.fit:.1f} %" for name, score in self.scores.items()]
         error = [] if self.whole is None else [f"mean error {self.whole.ate['mean']:.3g} m"]
-        return f"{self.name}: {', '.join([*fits, *error]) if self.ok else self.status}"
+        told = ", ".join([*fits, *error]) or "nothing measured to compare with"
+        return f"{self.name}: {told if self.ok else self.status}"
 
     def __repr__(self) -> str:
         return f"<Prediction {self}>"

@@ -2,7 +2,7 @@
 without holes."""
 
 import types
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 from typing import Any, Literal
@@ -193,6 +193,16 @@ class Record:
             raise InputError(
                 self.source, f"channel {channel}", "there is no such channel", mend
             ) from None
+
+    def __len__(self) -> int:
+        return self.n
+
+    def __iter__(self) -> Iterator[str]:
+        """The names of the channels."""
+        return iter(self.channels)
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return ["t", *self.channels]
 
     def __contains__(self, channel: object) -> bool:
         return channel == "t" or channel in self.channels

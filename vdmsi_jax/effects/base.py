@@ -23,6 +23,7 @@ from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
 from vdmsi_jax.parameters import described, parameters
+from vdmsi_jax.shown import shown
 
 FORCES = frozenset({"load", "effort"})
 _BETWEEN_ROWS = FORCES | {"held", "output", "sensor"}
@@ -199,6 +200,9 @@ class AbstractEffect(eqx.Module):
         own = {k: field for k, field in vars(cls).items() if isinstance(field, dataclasses.Field)}
         if cls.__dict__.get("__doc__"):
             cls.__doc__ = described(cls.__dict__["__doc__"], {**inherited, **own})
+
+    def __repr__(self) -> str:
+        return shown(self)
 
     def __check_init__(self):
         for name, known in parameters(self).items():

@@ -1,7 +1,7 @@
 """What an identification returns: one `Fit` per order, and the `OrderGrid` of all of them."""
 
 import importlib
-from collections.abc import Mapping
+from collections.abc import Iterator, KeysView, Mapping
 from dataclasses import dataclass, field
 from os import PathLike
 from statistics import NormalDist
@@ -142,6 +142,22 @@ class OrderGrid:
         fitted = sum(fit.ok for fit in self.fits.values())
         best = f"{self.chosen} (FIT {self.best.fit:.2f} %), by BIC {self.chosen_by_bic}"
         return f"<OrderGrid of {self.plant.name}: {fitted} orders fitted, chosen {best}>"
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.fits)
+
+    def __len__(self) -> int:
+        return len(self.fits)
+
+    def __contains__(self, order: object) -> bool:
+        return order in self.fits
+
+    def keys(self) -> KeysView[str]:
+        """The orders."""
+        return self.fits.keys()
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return list(self.fits)
 
     def __getitem__(self, order: str) -> Fit:
         if order not in self.fits:
