@@ -300,7 +300,8 @@ class Diagnosis:
         orders: by plant, the order of its baseline.
         channels: scores of the baseline; `extended` those of the model.
         ate: under `baseline` and `model`: mean, max and rmse of the translation error, m, on the
-            held-out drive; None without a pose.
+            held-out drive; None without a pose. Its plants start at rest at the measured response;
+            in `compare` they start so that they meet the first 0.2 s, so that its errors differ.
         budget: who is responsible for what.
         detectable: what these logs would have shown.
         unseen: what could not be looked at, and why, a sentence each.
