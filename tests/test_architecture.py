@@ -19,7 +19,7 @@ PACKAGE = ROOT / "vdmsi_jax"
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
 LAYERS = (
-    {"errors", "units", "decode", "files", "parameters", "programs", "threads"},
+    {"errors", "units", "decode", "files", "parameters", "programs", "shown", "threads"},
     {"config"},
     {"data"},
     {"models", "effects", "model_file"},
@@ -126,6 +126,11 @@ def test_every_public_name_stands_for_type_checkers_too():
         name.rsplit(".", 1)[1] for name, _ in imports(PACKAGE / "__init__.py") if "_jax." in name
     }
     assert seen == set(vdmsi_jax.__all__)
+
+
+def test_what_completes_the_package_are_its_public_names_alone():
+    assert set(dir(vdmsi_jax)) == {*vdmsi_jax.__all__, "__version__"}
+    assert {"Quadrature", "Arcs", "Solver", "Prepare"} <= set(vdmsi_jax.__all__)
 
 
 def test_a_verb_stays_the_verb_when_its_module_is_imported():

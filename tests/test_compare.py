@@ -83,6 +83,12 @@ def test_a_comparison_says_what_it_found_on_one_line(model):
     assert "VDM-SI: FIT of v" in said and "mean error" in said
 
 
+def test_a_comparison_of_commands_alone_says_that_nothing_was_measured(model):
+    commands = {name: x for name, x in drive().items() if name.endswith("_cmd")}
+    said = repr(compare(record(commands), model))
+    assert "VDM-SI: nothing measured to compare with" in said
+
+
 def test_a_plant_starts_where_the_measurement_starts(model):
     rolling = drive(start=-0.3)
     assert abs(rolling["delta_cmd"][0] - rolling["delta"][0]) > 0.3

@@ -159,6 +159,12 @@ def test_a_residual_that_tells_nothing_is_refused(value):
         GaussMarkov.of_residual(residual, DT)
 
 
+def test_all_that_a_residual_tells_is_no_process_and_says_which_part_is():
+    told = GaussMarkov.of_residual(white(100, 0.05, 1), DT)
+    with pytest.raises(TypeError, match=r"give the process alone, of_residual\(\.\.\.\)\[0\]"):
+        ModelError(speed=told, angle=told[0])
+
+
 def test_without_noise_it_is_the_simulation():
     """The trapezoidal rule of the filter against the quadrature, over 40 s of sharp commands."""
     vehicle, known = models()["VDM-SI"], drive(3)

@@ -231,7 +231,7 @@ def test_failure_is_a_status_and_not_an_exception():
     explosive = Vehicle(BICYCLE, TransferFunction([1.0], [1.0, -900.0]), STEERING)
     path = simulate(explosive, drive)
     assert not path.ok
-    assert "not finite" in RESULTS[path.status]
+    assert "not finite" in RESULTS[path.status] and "not finite" in repr(path)
     stiff = Vehicle(BICYCLE, TransferFunction([1e7], [1.0, 1e7]), STEERING)
     path = simulate(stiff, drive, method=Solver(max_steps=8))
     assert not path.ok

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from .config import Config as Config
     from .config import IdentifyOptions as IdentifyOptions
     from .config import PlantSpec as PlantSpec
+    from .config import Prepare as Prepare
     from .config import VehicleGeometry as VehicleGeometry
     from .config import load_config as load_config
     from .data.read import read_log as read_log
@@ -53,7 +54,10 @@ if TYPE_CHECKING:
     from .models.vehicle import SpeedInput as SpeedInput
     from .models.vehicle import Vehicle as Vehicle
     from .models.vehicle import stack_vehicles as stack_vehicles
+    from .simulate import Arcs as Arcs
     from .simulate import Commands as Commands
+    from .simulate import Quadrature as Quadrature
+    from .simulate import Solver as Solver
     from .simulate import Start as Start
     from .simulate import Trajectory as Trajectory
     from .simulate import simulate as simulate
@@ -63,7 +67,14 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "compare": ("Comparison", "compare", "identified"),
-    "config": ("Config", "IdentifyOptions", "PlantSpec", "VehicleGeometry", "load_config"),
+    "config": (
+        "Config",
+        "IdentifyOptions",
+        "PlantSpec",
+        "Prepare",
+        "VehicleGeometry",
+        "load_config",
+    ),
     "data.read": ("read_log", "read_logs"),
     "data.record": ("Record",),
     "data.segment": ("Segment",),
@@ -81,7 +92,16 @@ _HOMES = {
     "models.extended_plant": ("ExtendedPlant",),
     "models.transfer_function": ("TransferFunction",),
     "models.vehicle": ("SpeedInput", "Vehicle", "stack_vehicles"),
-    "simulate": ("Commands", "Start", "Trajectory", "simulate", "simulate_many"),
+    "simulate": (
+        "Arcs",
+        "Commands",
+        "Quadrature",
+        "Solver",
+        "Start",
+        "Trajectory",
+        "simulate",
+        "simulate_many",
+    ),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 
@@ -97,7 +117,7 @@ def __getattr__(name: str):
 
 
 def __dir__():
-    return sorted({*globals(), *_HOME})
+    return sorted({"__version__", *_HOME})
 
 
 class _Package(types.ModuleType):

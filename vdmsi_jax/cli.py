@@ -45,7 +45,7 @@ def identify(
     """
     from .config import load_config
     from .data.read import options_of, read_logs
-    from .files import output_folder, write_json, write_text
+    from .files import output_folder
 
     settings = None if config is None else load_config(config)
     records = read_logs(logs, settings)
@@ -55,12 +55,12 @@ def identify(
 
     from . import terminal
     from .data import uncommanded
-    from .identify.document import identify_document
     from .identify.vehicle import identified_and_refused
+    from .report.files import write_identification
 
     with terminal.working("identifying"):
         grids, refused = identified_and_refused(records, options=options)
-    write_json(out / "identify.json", identify_document(grids, records, refused))
+    write_identification(out, grids, records, refused, report=False)
     terminal.show_grids(grids)
     plants = [plant for record in records for plant in record.plants]
     told = [f"{name} was not identified: {why}" for name, why in refused.items()]
@@ -69,9 +69,9 @@ def identify(
     if report:
         with terminal.working("drawing the report"):
             from .report.identification import identification_page
-            from .report.page import render
+            from .report.page import write_page
 
-            write_text(out / "report.html", render(identification_page(grids, records, refused)))
+            write_page(out, identification_page(grids, records, refused))
     terminal.tell_report(out, written=report)
 
 
@@ -102,7 +102,7 @@ def simulate(
     """
     from .config import load_config
     from .data.read import read_logs
-    from .files import output_folder, write_json, write_text
+    from .files import output_folder
 
     if not window > 0.0:
         raise InputError("vdmsi simulate", "--window", f"{window} is no duration", "give seconds")
@@ -112,22 +112,21 @@ def simulate(
     prepare(cache)
 
     from . import terminal
-    from .compare import compare, simulation_document, write_trajectories
+    from .compare import compare
     from .model_file import load_model
+    from .report.files import write_comparisons
 
     loaded = load_model(model)
     with terminal.working("simulating"):
         comparisons = [compare(record, loaded, window=window) for record in records]
-    write_json(out / "simulation.json", simulation_document(comparisons))
-    for comparison in comparisons:
-        write_trajectories(out, comparison)
+    write_comparisons(out, comparisons, report=False)
     terminal.show_comparisons(comparisons)
     if report:
         with terminal.working("drawing the report"):
-            from .report.page import render
+            from .report.page import write_page
             from .report.simulation import simulation_page
 
-            write_text(out / "report.html", render(simulation_page(comparisons)))
+            write_page(out, simulation_page(comparisons))
     terminal.tell_report(out, written=report)
 
 
@@ -156,7 +155,7 @@ def diagnose(
     """
     from .config import load_config
     from .data.read import read_logs
-    from .files import output_folder, write_json, write_text
+    from .files import output_folder
 
     settings = None if config is None else load_config(config)
     records = read_logs(logs, settings)
@@ -165,22 +164,20 @@ def diagnose(
 
     from . import terminal
     from .diagnose import diagnose as run
-    from .diagnose.answer.document import diagnosis_document
-    from .model_file import save_model
+    from .report.files import write_diagnosis
 
     if report:
         ahead("vdmsi_jax.report.diagnosis")
     with terminal.working("diagnosing") as say:
         found = run(records, told=say)
-    write_json(out / "diagnosis.json", diagnosis_document(found))
-    save_model(out / "model.json", found.model)
+    write_diagnosis(out, found, report=False)
     terminal.show_diagnosis(found)
     if report:
         with terminal.working("drawing the report"):
             from .report.diagnosis import diagnosis_page
-            from .report.page import render
+            from .report.page import write_page
 
-            write_text(out / "report.html", render(diagnosis_page(found)))
+            write_page(out, diagnosis_page(found))
     terminal.tell_report(out, written=report)
 
 
@@ -204,7 +201,7 @@ def sweep(
         report: write report.html.
         cache: keep compiled programs for the next time.
     """
-    from .files import write_json, write_text
+    from .files import write_json
     from .sweep import SWEEP, plan, summarise
 
     cells = plan(config, out)
@@ -223,10 +220,10 @@ def sweep(
     write_json(out / "sweep.json", {"schema": SWEEP, "cells": rows})
     terminal.show_sweep(rows)
     if report:
-        from .report.page import render
+        from .report.page import write_page
         from .report.sweep import sweep_page
 
-        write_text(out / "report.html", render(sweep_page(rows, results)))
+        write_page(out, sweep_page(rows, results))
     terminal.tell_report(out, written=report)
     refused = [row["refused"] for row in rows if "refused" in row]
     if refused:
@@ -301,7 +298,7 @@ def reproduce(
     if report:
         with terminal.working("drawing the report"):
             from .report.beyond import beyond_figures, beyond_sections
-            from .report.page import render
+            from .report.page import write_page
             from .report.reproduction import embedded, figure_file, figures, reproduction_page
 
             drawings = {one.trim.name: figures(one) for one in found}
@@ -315,7 +312,7 @@ def reproduce(
                     write_text(out / "figures" / figure_file(car, name), drawing.svg + "\n")
             more = beyond_sections(document, drawings["beyond"])
             page = reproduction_page(found, drawings, pictures, source=source, more=more)
-            write_text(out / "report.html", render(page))
+            write_page(out, page)
     terminal.tell_report(out, written=report)
     if pdf:
         with terminal.working("typesetting the report"):

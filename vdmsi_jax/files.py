@@ -16,7 +16,7 @@ import numpy as np
 from .errors import InputError
 
 
-def output_folder(path: str | Path) -> Path:
+def output_folder(path: str | os.PathLike[str]) -> Path:
     """The folder `path`, made if it is not there.
 
     Raises:

@@ -8,7 +8,7 @@ position drift as white noise never would, so without this memory a filter is su
 it should not be.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -76,16 +76,26 @@ class GaussMarkov(eqx.Module):
         return GaussMarkov(np.sqrt(sizes[best]), times[best]), float(np.sqrt(white))
 
 
+def _process(given: Any) -> GaussMarkov:
+    if isinstance(given, tuple):
+        problem = "a tuple is no process, and fuse asks for its std and time_constant"
+        raise TypeError(f"{problem}; give the process alone, of_residual(...)[0]")
+    return given
+
+
 class ModelError(eqx.Module):
     """What a vehicle model gets wrong in the responses of its two actuators.
 
     Attributes:
         speed: of the powertrain's response, m/s.
         angle: of the steering's response, rad.
+
+    Raises:
+        TypeError: all that `GaussMarkov.of_residual` returns was given for a process.
     """
 
-    speed: GaussMarkov
-    angle: GaussMarkov
+    speed: GaussMarkov = eqx.field(converter=_process)
+    angle: GaussMarkov = eqx.field(converter=_process)
 
 
 class PoseSensor(eqx.Module):

@@ -1,8 +1,9 @@
 """Parameters of effects: scalars with a value that switches the effect off, exactly."""
 
 import dataclasses
+import inspect
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import equinox as eqx
@@ -42,6 +43,13 @@ class Parameter:
             return math.inf, math.inf
         return 1.0 / value, std / value**2
 
+    def describe(self, name: str) -> str:
+        """A line for the docstring of an effect that has it."""
+        sizes = sorted(set(self.off)) if isinstance(self.off, tuple) else [self.off]
+        off = ", ".join(f"{size:g}" for size in sizes)
+        inverse = "; `of` takes the limit itself" if self.shown == "inverse" else ""
+        return f"{name} ({self.unit}): {self.doc}, {off} by default{inverse}."
+
 
 def parameter(unit: str, doc: str, **more: Any) -> Any:
     """A field of an effect that is a parameter; its default is "off"."""
@@ -60,6 +68,19 @@ def parameters(effect: Any) -> dict[str, Parameter]:
         for field in dataclasses.fields(effect)
         if "parameter" in field.metadata
     }
+
+
+def described(doc: str, fields: Mapping[str, Any]) -> str:
+    """The docstring of an effect with a line for each of its parameters at the head of its
+    attributes."""
+    text = inspect.cleandoc(doc)
+    known = {name: field.metadata.get("parameter") for name, field in fields.items()}
+    lines = [f"    {own.describe(name)}" for name, own in known.items() if own is not None]
+    if not lines:
+        return text
+    told = "\n".join(["Attributes:", *lines])
+    head, attributes, tail = text.partition("Attributes:")
+    return f"{head}{told}{tail}" if attributes else f"{text}\n\n{told}"
 
 
 def with_values(effect: Any, values: Iterable[Any]) -> Any:

@@ -9,6 +9,7 @@ import pytest
 from small_logs import drive, write_csv
 from vdmsi_jax.config import Config, PlantSpec, Prepare, VehicleGeometry, load_config
 from vdmsi_jax.data import Record, read_log, read_logs
+from vdmsi_jax.data.array_table import ArrayTable
 from vdmsi_jax.data.derive import steering_from_curvature
 from vdmsi_jax.data.read import options_of
 from vdmsi_jax.errors import InputError
@@ -101,6 +102,48 @@ def test_npz_is_read_like_csv(tmp_path):
     for name in ("run", "small"):
         log = read_log(tmp_path / f"{name}.npz")
         np.testing.assert_array_equal(log["v"], drive()["v"])
+
+
+class Frame:
+    """What a data frame of pandas or of another library offers: columns by their names."""
+
+    def __init__(self, columns):
+        self.columns, self._values = list(columns), columns
+
+    def __getitem__(self, name):
+        return self._values[name]
+
+
+@pytest.mark.parametrize("kind", [dict, Frame])
+def test_arrays_go_through_the_same_repairs_as_the_file_that_holds_them(tmp_path, kind):
+    columns = dict(drive())
+    columns["t"] = columns["t"] + 1e-4 * np.sin(np.arange(columns["t"].size))
+    columns["v"] = np.where(np.arange(columns["t"].size) % 50 == 7, np.nan, 3.6 * columns["v"])
+    np.savez(tmp_path / "run.npz", **columns)
+    config = Config(units={"v": "km/h"}, prepare=Prepare(missing="interpolate"))
+    log, stored = read_log(kind(columns), config), read_log(tmp_path / "run.npz", config)
+    assert log.repairs == stored.repairs and log.repairs and log.dt == stored.dt
+    np.testing.assert_array_equal(log["v"], stored["v"])
+    assert (log.name, log.file, log.source) == ("arrays", "", "arrays")
+
+
+def test_logs_in_memory_are_numbered_and_stand_beside_files(tmp_path):
+    logs = read_logs([drive(), write_csv(tmp_path / "run.csv", drive()), drive(400)])
+    assert [log.name for log in logs] == ["arrays-1", "run", "arrays-2"]
+
+
+def test_arrays_are_refused_with_their_name_and_the_mend(tmp_path):
+    dates = np.arange(200).astype("datetime64[ms]")
+    for columns, told in (
+        (drive() | {"v": ["fast"] * 200}, "arrays: array 'v': cannot be read as numbers"),
+        (drive() | {"v": np.ones(3)}, "arrays: array .*samples"),
+        (drive() | {"t": dates}, "arrays: array 't': cannot be read as numbers .they are dates"),
+        ({"time": drive()["t"], "v": drive()["v"]}, "arrays: column 't': is missing"),
+    ):
+        with pytest.raises(InputError, match=told):
+            read_log(columns)
+    with pytest.raises(InputError, match="arrays: a int is no log; give a file, a mapping"):
+        ArrayTable(3, "arrays")
 
 
 UNITS_IN = {

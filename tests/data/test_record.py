@@ -36,6 +36,13 @@ def test_a_record_prints_as_one_line():
     assert str(record(runs=("a", "b"))) == cut
 
 
+def test_a_record_counts_its_samples_and_lists_its_channels():
+    log = record()
+    assert len(log) == log.n and list(log) == ["v_cmd", "v"]
+    assert log._ipython_key_completions_() == ["t", "v_cmd", "v"]
+    assert {name: log[name] for name in log}.keys() == log.channels.keys()
+
+
 def test_what_from_arrays_makes():
     made = Record.from_arrays(dt=0.1, v_cmd=[0, 1, 2], v=[0.0, 1.0, 2.0], t0=5.0, name="mine")
     assert made.n == 3 and made.duration == pytest.approx(0.3) and made.runs == ("mine",)

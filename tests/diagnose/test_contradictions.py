@@ -101,4 +101,4 @@ def test_a_heading_that_turns_the_other_way_comes_before_all_else(logs):
     assert found.contradictions and found.summary.startswith("psi turns against")
     assert found.unexplained[0].channel == "psi" and found.ate is None
     assert "psi" not in found.records[0] and "r" in found.records[0]
-    assert repr(found) == "<Diagnosis unexplained_structure: no finding>"
+    assert repr(found).startswith("<Diagnosis unexplained_structure: no finding")

@@ -193,7 +193,9 @@ def test_a_refusal_names_the_files_that_were_given():
 def test_channels_that_some_logs_lack_are_told(logs):
     alone = replace(logs[0], channels={c: logs[0][c] for c in ("v_cmd", "delta_cmd", "v")})
     found = vj.diagnose([alone, *logs[1:]])
-    assert "run_1.csv lacks delta, r, x, y, psi: not looked at in any log." in found.unseen
+    lacking = "run_1.csv lacks delta, r, x, y, psi: not looked at in any log."
+    assert lacking in found.unseen and lacking in found.summary
+    assert repr(found).endswith("; not all was looked at, see unseen>")
     assert set(found.channels) == {"v"}
     other = replace(logs[1], channels={c: logs[1][c] for c in ("delta_cmd", "delta", "r")})
     with pytest.raises(vj.InputError, match=r"run_1\.csv lacks delta, r: not looked at"):
@@ -237,7 +239,9 @@ def test_a_command_that_changes_once_at_an_end_is_no_fault(step):
     u = u if step == 1 else 1.0 - u
     lag = np.convolve(u, 0.1 * 0.9 ** np.arange(100))[:1000]
     noisy = lag + 0.01 * np.random.default_rng(1).normal(size=1000)
-    assert vj.diagnose(plant_log(u, noisy)).verdict == "no_effect"
+    found = vj.diagnose(plant_log(u, noisy))
+    assert found.verdict == "no_effect"
+    assert not found.unseen and not repr(found).endswith("see unseen>")
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])

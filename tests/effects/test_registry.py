@@ -4,6 +4,7 @@ import inspect
 from dataclasses import replace
 from pathlib import Path
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -13,10 +14,12 @@ from vdmsi_jax.effects import ACTUATOR, AbstractEffect, Signals
 from vdmsi_jax.effects.base import PORTS
 from vdmsi_jax.effects.dead_zone import DeadZone
 from vdmsi_jax.effects.gain_asymmetry import GainAsymmetry
+from vdmsi_jax.effects.rate_limit import RateLimit
 from vdmsi_jax.effects.regime_change import RegimeChange
 from vdmsi_jax.effects.saturation import Saturation
-from vdmsi_jax.models.extended_plant import respond
+from vdmsi_jax.models.extended_plant import ExtendedPlant, respond
 from vdmsi_jax.models.observer_form import observer
+from vdmsi_jax.models.transfer_function import TransferFunction
 from vdmsi_jax.parameters import parameters, with_values
 
 WORDS = set(
@@ -80,6 +83,42 @@ def test_an_effect_is_described(effect):
         assert known.unit.strip() and len(known.doc.split()) >= 2, name
         assert known.shown in ("value", "inverse")
         assert known.lower <= np.min(known.off) and np.max(known.off) <= known.upper
+
+
+@every_effect
+def test_the_help_of_an_effect_lists_its_parameters_with_units_and_what_switches_them_off(effect):
+    text = inspect.getdoc(type(effect)) or ""
+    for name, known in parameters(effect).items():
+        assert f"    {known.describe(name)}\n" in f"{text}\n"
+        assert f"{name} ({known.unit}): {known.doc}" in text
+        assert ("takes the limit itself" in known.describe(name)) == (known.shown == "inverse")
+    assert text.count("Attributes:") == 1
+
+
+def test_limits_may_be_given_as_people_think_of_them():
+    u, signals = jnp.array([-5.0, -1.0, 1.0, 5.0]), Signals.plain(4, 1.0)
+    for lower in (-3.0, 3.0):
+        limits = Saturation.of(lower=lower, upper=2.0, at="command")
+        np.testing.assert_allclose(limits.command(u, signals), [-3.0, -1.0, 1.0, 2.0])
+    ramp = RateLimit.of(rising=0.5, at="command").held(jnp.array([0.0, 5.0, 5.0, -5.0]), signals)
+    np.testing.assert_allclose(ramp, [0.0, 0.5, 1.0, -5.0])
+    assert Saturation.of(upper=np.inf).upper == 0.0
+    assert jax.jit(lambda limit: Saturation.of(upper=limit).upper)(2.0) == 0.5
+    assert GainAsymmetry.of(ratio=0.2).ratio == 0.2
+
+
+def test_a_limit_in_the_place_of_its_inverse_is_refused_where_that_shows():
+    with pytest.raises(ValueError, match=r"Saturation.of\(lower=-2\) takes the limit itself"):
+        Saturation(lower=-2.0)
+    with pytest.raises(ValueError, match="lets nothing through"):
+        Saturation.of(upper=0.0)
+
+
+def test_an_effect_prints_its_numbers():
+    assert repr(DeadZone(0.25)) == "DeadZone(half_width=0.25)"
+    assert "num=[2.0]" in repr(
+        ExtendedPlant(TransferFunction([2.0], [1.0, 2.0]), (DeadZone(0.25),))
+    )
 
 
 @every_effect

@@ -99,6 +99,12 @@ def test_an_unknown_order_is_refused_by_name(grid):
         grid["P7Z0"]
 
 
+def test_a_grid_is_asked_like_a_mapping_of_its_orders(grid):
+    assert list(grid) == list(grid.keys()) == list(grid.fits) and len(grid) == len(grid.fits)
+    assert "P1Z0" in grid and "P9Z9" not in grid and dict(grid)["P1Z0"] is grid["P1Z0"]
+    assert grid._ipython_key_completions_() == list(grid.fits)
+
+
 def test_the_same_log_gives_the_same_bits(grid, record):
     again = identify(record, "plant", delay=False)
     for order, fit in grid.fits.items():

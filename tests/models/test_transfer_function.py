@@ -94,6 +94,16 @@ def test_gradient_is_the_same_in_both_modes_and_by_differences(poles, zeros):
     np.testing.assert_allclose(forward @ direction, slope, rtol=1e-5)
 
 
+def test_a_transfer_function_prints_its_numbers_and_only_its_shapes_while_it_is_traced():
+    plant = TransferFunction([20.0, 1.0 / 3.0], [2.0, 3.0, 8.0], delay=0.06)
+    shown = "TransferFunction(num=[10.0, 0.166667], den=[1.0, 1.5, 4.0], delay=0.06)"
+    assert repr(plant) == shown
+    told = []
+    jax.jit(lambda plant: told.append(repr(plant)))(plant)
+    assert "num=f64[2]" in told[0]
+    assert "object" in repr(jax.tree.map(lambda _: object(), plant))
+
+
 @pytest.mark.parametrize("delay", [0.0007, 0.01, 0.0571])
 def test_delay_is_that_of_a_finely_sampled_command(delay):
     fine = 1e-4

@@ -1,8 +1,10 @@
 """What a comparison is."""
 
+import importlib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from os import PathLike
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -86,7 +88,8 @@ class Prediction:
     def __str__(self) -> str:
         fits = [f"FIT of {name} {score.fit:.1f} %" for name, score in self.scores.items()]
         error = [] if self.whole is None else [f"mean error {self.whole.ate['mean']:.3g} m"]
-        return f"{self.name}: {', '.join([*fits, *error]) if self.ok else self.status}"
+        told = ", ".join([*fits, *error]) or "nothing measured to compare with"
+        return f"{self.name}: {told if self.ok else self.status}"
 
     def __repr__(self) -> str:
         return f"<Prediction {self}>"
@@ -143,3 +146,18 @@ class Comparison:
         path = any(p.has_path for p in predictions)
         made = "paths are predicted from the origin, and" if path else "nothing is predicted, and"
         return f"the log has no response of the model's: {made} nothing is compared"
+
+    def write(self, folder: str | PathLike[str], *, report: bool = True) -> None:
+        """Write what `vdmsi simulate` writes of a log: `simulation.json`, the trajectories as TUM
+        files and, if asked, `report.html`. Several comparisons go into one folder by
+        `vdmsi_jax.report.files.write_comparisons`.
+
+        Args:
+            folder: made if it is not there.
+            report: whether to draw the report, too.
+
+        Raises:
+            InputError: the folder cannot be made or written to.
+        """
+        files: Any = importlib.import_module("vdmsi_jax.report.files")  # loaded when asked for
+        files.write_comparisons(folder, [self], report=report)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
+from .array_table import equal_columns
 from .table import Table
 
 _DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, OSError)
@@ -44,41 +45,18 @@ class NpzTable(Table):
         self.refuse_if_too_large()
 
     def read(self, *, numbers: Collection[str], texts: Collection[str]) -> dict[str, np.ndarray]:
-        columns = {}
         with np.load(self.path, allow_pickle=False) as archive:
-            for name in (*numbers, *texts):
+
+            def load(name: str) -> np.ndarray:
                 try:
-                    values = archive[name]  # reads the file
-                    if np.iscomplexobj(values):
-                        raise TypeError("they are complex")
-                    columns[name] = values.astype(np.float64 if name in numbers else str)
+                    return archive[name]  # reads the file
                 except (*_DAMAGED, *_ENCRYPTED) as error:
                     problem = f"is damaged, or was not written by NumPy ({error})"
                     mend = "save it anew with numpy.savez(path, t=..., v=...)"
                     raise InputError(str(self.path), f"array {name!r}", problem, mend) from None
-                except (ValueError, TypeError) as error:
-                    raise InputError(
-                        str(self.path),
-                        f"array {name!r}",
-                        f"cannot be read as numbers ({error})",
-                        "save plain numbers",
-                    ) from None
-                if columns[name].ndim != 1:
-                    shape = columns[name].shape
-                    raise InputError(
-                        str(self.path),
-                        f"array {name!r}",
-                        f"has the shape {shape}",
-                        "save one-dimensional arrays",
-                    )
-        first = next(iter(columns))
-        for name, values in columns.items():
-            if values.size != columns[first].size:
-                problem = f"has {values.size} samples, {first!r} has {columns[first].size}"
-                raise InputError(
-                    str(self.path), f"array {name!r}", problem, "save arrays of equal length"
-                )
-        self.rows = columns[first].size
+
+            columns = equal_columns(load, str(self.path), numbers, texts)
+        self.rows = next(iter(columns.values())).size
         return columns
 
     def line(self, row: int) -> str:

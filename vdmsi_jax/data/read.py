@@ -1,4 +1,5 @@
-"""From a file to a `Record`: formats, names, units and signs end here. Below this door all is SI.
+"""From a file or arrays to a `Record`: formats, names, units and signs end here. Below this door
+all is SI.
 
 `read_log` is the whole way: find the columns that the configuration asks for, refuse what cannot be
 read before it fills the memory, turn units into SI, and hand the table to `prepare`, which makes
@@ -27,6 +28,7 @@ from ..config import (
 from ..errors import InputError, nearest
 from ..files import in_a_file_name
 from ..units import UNITS, Unit, bracketed, si_symbol, unit
+from .array_table import Arrays, ArrayTable
 from .csv_table import CsvTable
 from .derive import sharpest_curvature, steering_from_curvature
 from .expressions import Expression, parse
@@ -40,15 +42,22 @@ from .table import Table
 _CONFIG_NAMES = ("vehicle.toml",)
 
 
-def read_log(path: str | Path, config: str | Path | Config | None = None) -> Record:
+Log = str | Path | Arrays
+"""A log: a file, or arrays by name."""
+
+_IN_MEMORY = "arrays"  # what a log without a file is called
+
+
+def read_log(path: Log, config: str | Path | Config | None = None) -> Record:
     """Read one log.
 
     Args:
-        path: a CSV file (with a header; comma, semicolon or tab) or an NPZ file of one-dimensional
-            arrays. The canonical header needs no configuration.
+        path: a CSV file (with a header; comma, semicolon or tab), an NPZ file of one-dimensional
+            arrays, or such arrays themselves with their time `t`: a mapping of names to them, or a
+            data frame, whose columns they are. The canonical header needs no configuration.
         config: a TOML file or what `load_config` made of it. Without one, a TOML file of the log's
-            name beside it, or a `vehicle.toml` in its folder, is taken; without those, the
-            canonical header is expected.
+            name beside it, or a `vehicle.toml` in its folder, is taken; without those, and of
+            arrays, the canonical header is expected.
 
     Returns:
         The record: SI units, evenly sampled segments, every repair told.
@@ -57,13 +66,14 @@ def read_log(path: str | Path, config: str | Path | Config | None = None) -> Rec
         InputError: the log or its configuration is refused; the message names the file, the line or
             key, and the mend.
     """
-    return _read(Path(path), config_of(path, config), {})
+    return _read(path, config_of(path, config), {})
 
 
-def _read(path: Path, config: Config, windows: Mapping[str, float]) -> Record:
+def _read(log: Log, config: Config, windows: Mapping[str, float]) -> Record:
     """`read_log`, with the least lengths of parabolas that make channels of the pose."""
     where = _where(config)
-    table = _open_table(path)
+    table = _open_table(log)
+    path = table.path
     config = _with_its_plant(config, table.names)
     columns = _columns(config, table.names, path)
     run = columns.pop("run", None)
@@ -93,48 +103,49 @@ def _read(path: Path, config: Config, windows: Mapping[str, float]) -> Record:
         },
         passed_by=tuple(_passed_by(table.names, columns)),
     )
-    return prepare(raw, config, windows)
+    record = prepare(raw, config, windows)
+    return replace(record, file="") if isinstance(table, ArrayTable) else record
 
 
-def read_logs(
-    paths: Sequence[str | Path], config: str | Path | Config | None = None
-) -> list[Record]:
+def read_logs(paths: Sequence[Log], config: str | Path | Config | None = None) -> list[Record]:
     """Read several logs of one vehicle with one configuration.
 
     Args:
-        paths: the files, at least one; see `read_log`.
+        paths: the files or arrays, at least one; see `read_log`.
         config: as in `read_log`.
 
     Returns:
-        A record for each file, with different names: the file's, with its folder's before it where
-        two are alike, and a number behind where these are, too. All have one sample period: that of
-        `[prepare] dt`, or else the longest of the logs' own. What is made of the pose where nobody
-        asked is made alike.
+        A record for each log, with different names: the file's (`arrays` where there is none), with
+        its folder's before it where two are alike, and a number behind where these are, too. All
+        have one sample period: that of `[prepare] dt`, or else the longest of the logs' own. What
+        is made of the pose where nobody asked is made alike.
 
     Raises:
         InputError: a log or the configuration is refused, or no file is given.
     """
     if not paths:
         raise InputError("logs", "", "no log is given", "give at least one file")
-    files = [Path(path) for path in paths]
-    _refuse_topics(files, config)
-    records = _in_step([read_log(file, config) for file in files], files, config)
-    folders = [file.resolve().parent.name for file in files]
+    _refuse_topics(paths, config)
+    records = _in_step([read_log(path, config) for path in paths], paths, config)
+    folders = [
+        Path(path).resolve().parent.name if isinstance(path, str | Path) else "" for path in paths
+    ]
     names = _told_apart([record.name for record in records], folders)
     return in_session([r.renamed(name) for r, name in zip(records, names, strict=True)])
 
 
-def _refuse_topics(files: Sequence[Path], config: str | Path | Config | None) -> None:
+def _refuse_topics(logs: Sequence[Log], config: str | Path | Config | None) -> None:
     """Refuse a file that lacks a column which another one has: it may be a topic of one drive."""
-    first, *others = (config_of(file, config) for file in files)
+    first, *others = (config_of(log, config) for log in logs)
     wanted = set(first.columns.values())
     if not wanted or not others or any(own.source != first.source for own in others):
         return
-    there = {file: wanted & set(_open_table(file).names) for file in files}
-    for file, own in there.items():
-        lacks = sorted(set.union(*there.values()) - own)
+    tables = [_open_table(log) for log in logs]
+    there = [(table.path, wanted & set(table.names)) for table in tables]
+    for file, own in there:
+        lacks = sorted(set.union(*(names for _, names in there)) - own)
         if lacks:
-            other = next(file for file, names in there.items() if lacks[0] in names)
+            other = next(file for file, names in there if lacks[0] in names)
             problem = f"is missing, and stands in {other}"
             mend = (
                 "give logs with the same columns; topics of one drive go into one table, a row for "
@@ -147,7 +158,7 @@ def _told_apart(names: Sequence[str], folders: Sequence[str]) -> list[str]:
     """Different names, as parts of file names, too: with the folder where two are alike, and a
     number where those are, too."""
     longer = [
-        f"{folder}/{name}" if names.count(name) > 1 else name
+        f"{folder}/{name}" if folder and names.count(name) > 1 else name
         for name, folder in zip(names, folders, strict=True)
     ]
     plain = [in_a_file_name(name) for name in longer]
@@ -162,7 +173,7 @@ def _told_apart(names: Sequence[str], folders: Sequence[str]) -> list[str]:
 
 
 def _in_step(
-    records: Sequence[Record], files: Sequence[Path], config: str | Path | Config | None
+    records: Sequence[Record], logs: Sequence[Log], config: str | Path | Config | None
 ) -> list[Record]:
     """The records with the longest of their sample periods and of the parabolas that make channels
     of the pose: those of other ones are read anew. Logs with uneven stamps hardly ever agree by
@@ -177,23 +188,25 @@ def _in_step(
         longest = [np.isclose(own, windows[name]) for name, own in record.windows.items()]
         return bool(np.isclose(record.dt, dt, rtol=1e-9) and all(longest))
 
-    def again(file: Path) -> Record:
-        own = config_of(file, config)
-        return _read(file, replace(own, prepare=replace(own.prepare, dt=dt)), windows)
+    def again(log: Log) -> Record:
+        own = config_of(log, config)
+        return _read(log, replace(own, prepare=replace(own.prepare, dt=dt)), windows)
 
     return [
-        record if agrees(record) else again(file)
-        for record, file in zip(records, files, strict=True)
+        record if agrees(record) else again(log) for record, log in zip(records, logs, strict=True)
     ]
 
 
-def _open_table(path: Path) -> Table:
-    """Open a log by its suffix: `.npz` is NPZ, all else is read as CSV.
+def _open_table(log: Log) -> Table:
+    """Open a log: arrays as they are, a file by its suffix: `.npz` is NPZ, all else is read as CSV.
 
     Raises:
         InputError: it is not there, is a folder, cannot be read, is empty, is no table, or is too
             large for the memory.
     """
+    if not isinstance(log, str | Path):
+        return ArrayTable(log, _IN_MEMORY)
+    path = Path(log)
     if path.is_dir():
         raise InputError(str(path), "", "is a folder", "give a CSV or NPZ file in it")
     if not path.exists():
@@ -210,7 +223,7 @@ def _open_table(path: Path) -> Table:
         raise InputError(str(path), "", problem, "check the file") from None
 
 
-def config_of(path: str | Path, config: str | Path | Config | None = None) -> Config:
+def config_of(path: Log, config: str | Path | Config | None = None) -> Config:
     """The configuration by which `read_log` reads a log: the one given, or that beside the log.
 
     Raises:
@@ -218,7 +231,7 @@ def config_of(path: str | Path, config: str | Path | Config | None = None) -> Co
     """
     if isinstance(config, Config):
         return config
-    if config is None:
+    if config is None and isinstance(path, str | Path):
         path = Path(path)
         if not path.name:
             raise InputError(str(path), "", "is no file", "name a log")

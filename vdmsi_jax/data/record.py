@@ -2,7 +2,7 @@
 without holes."""
 
 import types
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 from typing import Any, Literal
@@ -121,7 +121,8 @@ class Record:
         units: Mapping[str, str] | None = None,
         **channels,
     ) -> "Record":
-        """Make a record of arrays that are evenly sampled and in SI already.
+        """Make a record of arrays that are evenly sampled and in SI already. `read_log` takes
+        arrays that have a time, gaps, other units, or samples that are missing.
 
         Args:
             dt: sample period, s.
@@ -142,7 +143,8 @@ class Record:
                 name, "dt", f"{dt} is no sample period", "give seconds, more than zero"
             )
         if "t" in channels:
-            raise InputError(name, "t", "time is no channel", "give dt and t0 instead")
+            mend = "give dt and t0 instead, or a mapping with t and arrays to read_log"
+            raise InputError(name, "t", "time is no channel", mend)
         arrays = {key: np.asarray(values, dtype=np.float64) for key, values in channels.items()}
         if not arrays:
             raise InputError(
@@ -165,7 +167,7 @@ class Record:
                     name,
                     f"{key}, sample {bad}",
                     f"{values[bad]} is not finite",
-                    "repair it, or cut it out",
+                    "repair it, or cut it out, as read_log does of a mapping with t and arrays",
                 )
             refuse_absurd(name, key, values)
         if n < 2:
@@ -191,6 +193,16 @@ class Record:
             raise InputError(
                 self.source, f"channel {channel}", "there is no such channel", mend
             ) from None
+
+    def __len__(self) -> int:
+        return self.n
+
+    def __iter__(self) -> Iterator[str]:
+        """The names of the channels."""
+        return iter(self.channels)
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return ["t", *self.channels]
 
     def __contains__(self, channel: object) -> bool:
         return channel == "t" or channel in self.channels

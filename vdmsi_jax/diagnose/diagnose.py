@@ -97,7 +97,8 @@ def _diagnose(
         say("a command acts in steps: looking at every row")
         found = _looked_into(several, noise, say)
     unseen = (*copies, *alone, *slow, *dead, *unshared, *found.unseen)
-    return _contradicted(replace(found, unseen=unseen), against)
+    summary = " ".join([found.summary, *unseen])
+    return _contradicted(replace(found, unseen=unseen, summary=summary), against)
 
 
 def _contradicted(found: Diagnosis, against: Sequence[Contradiction]) -> Diagnosis:
@@ -194,7 +195,7 @@ def _evidence(
         say("looking into the body, the road and the sensors")
         body = body_of(runs, {spec.output: found for spec, found in searches.items()})
         bodily = None if body is None else search_body(body)
-        if bodily is None:
+        if bodily is None and (several[0].vehicle is not None or _shows_a_body(several)):
             unseen.append(_why_no_body(several))
     if not searches and bodily is None:
         names = ", ".join(record.source for record in several)
@@ -368,6 +369,11 @@ def _stage(
         mend = "name the column that was measured"
         raise InputError(records[0].source, spec.output, problem, mend)
     return stage_of(runs, spec, noise)
+
+
+def _shows_a_body(records: Sequence[Record]) -> bool:
+    """Whether a yaw rate or a pose was logged."""
+    return any(channel in record for record in records for channel in ("r", "x", "y", "psi"))
 
 
 def _why_no_body(records: Sequence[Record]) -> str:

@@ -13,12 +13,17 @@ discrete operators that are exact there. A vehicle has the ports `speed`, `angle
 """
 
 import abc
-from typing import ClassVar
+import dataclasses
+from typing import Any, ClassVar, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
 from jax import lax
+from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
+
+from vdmsi_jax.parameters import described, parameters
+from vdmsi_jax.shown import shown
 
 FORCES = frozenset({"load", "effort"})
 _BETWEEN_ROWS = FORCES | {"held", "output", "sensor"}
@@ -163,9 +168,16 @@ class Scales(eqx.Module):
         return self.y_high - self.y_low
 
 
+_Effect = TypeVar("_Effect", bound="AbstractEffect")
+
+
 class AbstractEffect(eqx.Module):
     """A cause. A subclass overrides the ports that it acts at, and declares its parameters by
-    `vdmsi_jax.parameters.parameter`.
+    `vdmsi_jax.parameters.parameter`, which puts them into its docstring, too: with their units, in
+    which `command` and `response` stand for those of the plant's channels.
+
+    Raises:
+        ValueError: an inverse limit is negative: a limit was given in its place.
 
     Attributes:
         cause: the word of the contract.
@@ -181,6 +193,43 @@ class AbstractEffect(eqx.Module):
     shown_by: ClassVar[str]
     weight: ClassVar[float] = 0.0
     refines: ClassVar[tuple[str, ...]] = ()
+
+    def __init_subclass__(cls, **options: Any):
+        super().__init_subclass__(**options)
+        inherited = getattr(cls, "__dataclass_fields__", {})
+        own = {k: field for k, field in vars(cls).items() if isinstance(field, dataclasses.Field)}
+        if cls.__dict__.get("__doc__"):
+            cls.__doc__ = described(cls.__dict__["__doc__"], {**inherited, **own})
+
+    def __repr__(self) -> str:
+        return shown(self)
+
+    def __check_init__(self):
+        for name, known in parameters(self).items():
+            size = getattr(self, name)
+            if known.shown == "inverse" and not isinstance(size, Tracer) and jnp.any(size < 0.0):
+                effect = type(self).__name__
+                problem = f"{effect}: {name} is {size:g}, and an inverse limit is not negative"
+                raise ValueError(f"{problem}; {effect}.of({name}={size:g}) takes the limit itself")
+
+    @classmethod
+    def of(cls: type[_Effect], **values: Any) -> _Effect:
+        """The effect by limits instead of their inverses: `Saturation.of(lower=-2.0, upper=2.0)`
+        cuts at 2, `RateLimit.of(rising=0.5, falling=0.5)` at 0.5 per second.
+
+        Args:
+            **values: the attributes. Of a limit its size counts, so that a lower one may be given
+                with its sign or without; infinity is none. All others are as in the constructor.
+
+        Raises:
+            ValueError: a limit is zero.
+        """
+        limits = {name for name, known in parameters(cls).items() if known.shown == "inverse"}
+        for name in limits & set(values):
+            if not isinstance(values[name], Tracer) and values[name] == 0.0:
+                raise ValueError(f"{cls.__name__}.of: {name} is 0, which lets nothing through")
+            values[name] = 1.0 / jnp.abs(jnp.asarray(values[name], float))
+        return cls(**values)
 
     @property
     def ports(self) -> frozenset[str]:

@@ -19,6 +19,9 @@ class RateLimit(AbstractEffect):
     valve's flow, a motor's speed): the command counts no further ahead of the response than what
     the response follows at that rate once it moves so, and what lies behind the drive still lags.
 
+    Held as inverse rates, since one that is off is infinite: `RateLimit.of(rising=0.5,
+    falling=0.5)` is one of 0.5 per second.
+
     Attributes:
         at: which signal's rate is limited.
     """

@@ -17,7 +17,8 @@ _SHARES = (0.97, 0.9, 0.75, 0.55, 0.35, 0.2)  # of the range, at which limits ar
 class Saturation(AbstractEffect):
     """Limits on the command, or on the response behind the dynamics (a stop).
 
-    Fitted as inverse limits, since a limit that is off is infinite.
+    Held as inverse limits, since a limit that is off is infinite: `Saturation.of(lower=-2.0,
+    upper=2.0)` is one at 2.
 
     Attributes:
         at: which signal is limited.

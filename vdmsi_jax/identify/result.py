@@ -1,8 +1,11 @@
 """What an identification returns: one `Fit` per order, and the `OrderGrid` of all of them."""
 
-from collections.abc import Mapping
+import importlib
+from collections.abc import Iterator, KeysView, Mapping
 from dataclasses import dataclass, field
+from os import PathLike
 from statistics import NormalDist
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -140,6 +143,22 @@ class OrderGrid:
         best = f"{self.chosen} (FIT {self.best.fit:.2f} %), by BIC {self.chosen_by_bic}"
         return f"<OrderGrid of {self.plant.name}: {fitted} orders fitted, chosen {best}>"
 
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.fits)
+
+    def __len__(self) -> int:
+        return len(self.fits)
+
+    def __contains__(self, order: object) -> bool:
+        return order in self.fits
+
+    def keys(self) -> KeysView[str]:
+        """The orders."""
+        return self.fits.keys()
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return list(self.fits)
+
     def __getitem__(self, order: str) -> Fit:
         if order not in self.fits:
             raise KeyError(f"{order!r} is not in the grid; it has {', '.join(self.fits)}")
@@ -173,6 +192,21 @@ class OrderGrid:
             }
             for f in self.fits.values()
         ]
+
+    def write(self, folder: str | PathLike[str], *, report: bool = True) -> None:
+        """Write what `vdmsi identify` writes of a plant: `identify.json`, which `load_model` takes,
+        and, if asked, `report.html`. The grids of several plants go into one folder by
+        `vdmsi_jax.report.files.write_identification`.
+
+        **Arguments:**
+
+        - `folder`: made if it is not there.
+        - `report`: whether to draw the report, too.
+
+        **Raises:** `InputError` if the folder cannot be made or written to.
+        """
+        files: Any = importlib.import_module("vdmsi_jax.report.files")  # loaded when asked for
+        files.write_identification(folder, {self.plant.name: self}, report=report)
 
 
 def _roots(coefficients: ArrayLike) -> NDArray[np.complex128]:

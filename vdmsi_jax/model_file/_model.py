@@ -85,7 +85,9 @@ class Model:
 
     def to_vehicle(self, *, dynamics: bool = True, effects: bool = True) -> Vehicle:
         """The model as one pytree to simulate: extended, VDM-SI without its `effects`, and VDM
-        without its `dynamics`, which leaves the effects out too.
+        without its `dynamics`, which leaves the effects out too. VDM-SI has the `Plant.baseline` of
+        each plant, whose poles and zeros may imitate an effect: a P4Z3 answers nearly as late as a
+        transport delay.
 
         A bicycle without slip may be seen from any point of its axis. With the distances of the
         reference point in place of the centre of gravity's, speed and pose are those of the

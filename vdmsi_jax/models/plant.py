@@ -7,6 +7,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
+from vdmsi_jax.shown import shown
+
 if TYPE_CHECKING:
     from vdmsi_jax.models.linear_plant import LinearPlant
 
@@ -45,6 +47,9 @@ class AbstractTrace(eqx.Module):
 
 class AbstractPlant(eqx.Module):
     """One command, held between the rows of a record, makes one response."""
+
+    def __repr__(self) -> str:
+        return shown(self)
 
     @abc.abstractmethod
     def trace(
@@ -87,6 +92,9 @@ class AbstractPlant(eqx.Module):
         once through a feed-through. Both modes of differentiation work, in a delay too; many plants
         or records run under `jax.vmap`, thousands in bounded memory under
         `jax.lax.map(..., batch_size=50)`. Arguments as in `trace`.
+
+        Returns:
+            The response `y` and its rate `dy`, both `(N,)`, and the state `x_end` at the end.
         """
         return _rows(self, jnp.asarray(u, float), jnp.asarray(dt, float), x0)
 

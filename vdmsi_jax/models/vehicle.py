@@ -14,6 +14,7 @@ from vdmsi_jax.models.bicycle import Bicycle
 from vdmsi_jax.models.following import FollowedAtOnce
 from vdmsi_jax.models.linear_plant import LinearPlant
 from vdmsi_jax.models.plant import AbstractPlant
+from vdmsi_jax.shown import shown
 
 
 class SpeedInput(enum.Enum):
@@ -51,6 +52,9 @@ class Vehicle(eqx.Module):
     steering: AbstractPlant = eqx.field(converter=_plant, default=None)
     speed_input: SpeedInput = eqx.field(static=True, default=SpeedInput.ACCELERATION)
     effects: tuple[AbstractEffect, ...] = eqx.field(converter=tuple, default=())
+
+    def __repr__(self) -> str:
+        return shown(self)
 
     def __check_init__(self):
         for effect in self.effects:

@@ -7,8 +7,10 @@ the look is decided here alone.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from html import escape
+from pathlib import Path
 
 from .. import __version__
+from ..files import write_text
 from .style import STYLE
 
 
@@ -109,6 +111,11 @@ def render(page: Page) -> str:
         f"<header><h1>{escape(page.title)}</h1><p>{escape(page.lead)}</p><nav>{links}</nav></header>"
         f"\n{body}\n<footer>vdmsi_jax {__version__}</footer></main></body></html>\n"
     )
+
+
+def write_page(folder: Path, page: Page) -> Path:
+    """Write the page as `report.html`."""
+    return write_text(folder / "report.html", render(page))
 
 
 def _block(block: Block) -> str:

@@ -5,7 +5,9 @@ from typing import Any
 
 import diffrax
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from vdmsi_jax.models.commands import Commands
@@ -60,7 +62,8 @@ class Trajectory(eqx.Module):
         delta: road-wheel angle, rad, the response of the steering, likewise.
         r: yaw rate, rad/s.
         a: acceleration between the jumps of the speed, m/s².
-        status: how the simulation ended; `RESULTS.successful`, or why the arrays are no motion.
+        status: how the simulation ended; `RESULTS.successful`, whose message is empty, or why the
+            arrays are no motion. `ok` asks for it, and `print` tells it.
     """
 
     t: Float[Array, "*batch N"]
@@ -72,6 +75,15 @@ class Trajectory(eqx.Module):
     r: Float[Array, "*batch N"]
     a: Float[Array, "*batch N"]
     status: Any
+
+    def __repr__(self) -> str:
+        if any(not eqx.is_array(x) or isinstance(x, Tracer) for x in jax.tree.leaves(self)):
+            return eqx.tree_pformat(self)
+        if self.ok.ndim:
+            ended = f"{int(self.ok.sum())} of {self.ok.size} successful"
+        else:
+            ended = "successful" if self.ok else str(RESULTS[self.status])
+        return f"<Trajectory of {self.x.shape[-1]} rows: {ended}>"
 
     @property
     def poses(self) -> Float[Array, "*batch N 3"]:

@@ -4,6 +4,7 @@ import importlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from os import PathLike
 from typing import Any, Literal
 
 import numpy as np
@@ -299,7 +300,8 @@ class Diagnosis:
         orders: by plant, the order of its baseline.
         channels: scores of the baseline; `extended` those of the model.
         ate: under `baseline` and `model`: mean, max and rmse of the translation error, m, on the
-            held-out drive; None without a pose.
+            held-out drive; None without a pose. Its plants start at rest at the measured response;
+            in `compare` they start so that they meet the first 0.2 s, so that its errors differ.
         budget: who is responsible for what.
         detectable: what these logs would have shown.
         unseen: what could not be looked at, and why, a sentence each.
@@ -307,7 +309,7 @@ class Diagnosis:
         paths: the held-out drives on the road, for pictures.
         records: the logs.
         held_out: what was held out, in words.
-        summary: the whole answer in a few sentences.
+        summary: the whole answer in a few sentences, the last of which are those of `unseen`.
         contradictions: what the logs say against themselves, such as a heading that turns the other
             way, a sentence each with the mend; each is among `unexplained`, too.
     """
@@ -345,7 +347,8 @@ class Diagnosis:
 
     def __repr__(self) -> str:
         named = ", ".join(f"{f.cause} ({f.channel or f.where})" for f in self.findings)
-        return f"<Diagnosis {self.verdict}: {named or 'no finding'}>"
+        partly = "; not all was looked at, see unseen" if self.unseen else ""
+        return f"<Diagnosis {self.verdict}: {named or 'no finding'}{partly}>"
 
     def plot(self) -> Any:
         """The whole answer as one figure: measured and simulated, residuals, gains, budget."""
@@ -353,3 +356,17 @@ class Diagnosis:
             "vdmsi_jax.plots"
         )  # loaded when a picture is asked for
         return plots.diagnosis(self)
+
+    def write(self, folder: str | PathLike[str], *, report: bool = True) -> None:
+        """Write what `vdmsi diagnose` writes: `diagnosis.json`, `model.json` and, if asked,
+        `report.html`.
+
+        Args:
+            folder: made if it is not there.
+            report: whether to draw the report, too.
+
+        Raises:
+            InputError: the folder cannot be made or written to.
+        """
+        files: Any = importlib.import_module("vdmsi_jax.report.files")  # loaded when asked for
+        files.write_diagnosis(folder, self, report=report)

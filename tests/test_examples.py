@@ -1,0 +1,40 @@
+"""The examples of the documents run as they stand there."""
+
+import re
+from pathlib import Path
+
+import equinox as eqx
+import numpy as np
+
+import vdmsi_jax as vj
+
+ROOT = Path(__file__).parents[1]
+
+
+def example(document: str, after: str) -> str:
+    """The first Python example of a document behind some words."""
+    text = (ROOT / document).read_text().partition(after)[2]
+    found = re.search(r"```python\n(.*?)```", text, re.S)
+    assert found, f"{document} has no example behind {after!r}"
+    return found.group(1)
+
+
+def test_the_example_of_what_stands_in_memory_finds_the_plant_and_leaves_its_files(
+    tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    made = {"vj": vj, "eqx": eqx}
+    exec(example("README.md", "What stands in memory needs no file"), made)
+    assert list(made["grid"].fits) == ["P1Z0"] and made["grid"].best.fit > 90.0
+    assert made["drives"].x.shape == (2, 500) and made["both"].bicycle.l_f.shape == (2,)
+    assert np.abs(made["alone"].delta).max() <= 0.25 + 1e-9
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"identify.json", "report.html"}
+
+
+def test_the_example_of_a_cause_of_one_s_own_acts_and_is_off_by_default():
+    made = {"__name__": "example"}
+    exec(example("docs/causes.md", "## A cause of one's own"), made)
+    assert np.ptp(np.asarray(made["response"].y)) > 0.5
+    u = np.linspace(0.0, 1.0, 50)
+    off = vj.ExtendedPlant(made["lag"], [made["Ripple"]()]).simulate(u, 0.02)
+    np.testing.assert_allclose(off.y, vj.ExtendedPlant(made["lag"], []).simulate(u, 0.02).y)
