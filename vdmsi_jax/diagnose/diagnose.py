@@ -97,8 +97,7 @@ def _diagnose(
         say("a command acts in steps: looking at every row")
         found = _looked_into(several, noise, say)
     unseen = (*copies, *alone, *slow, *dead, *unshared, *found.unseen)
-    summary = " ".join([found.summary, *unseen])
-    return _contradicted(replace(found, unseen=unseen, summary=summary), against)
+    return _contradicted(replace(found, unseen=unseen), against)
 
 
 def _contradicted(found: Diagnosis, against: Sequence[Contradiction]) -> Diagnosis:

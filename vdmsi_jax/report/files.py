@@ -4,21 +4,20 @@ them."""
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from ..compare import Comparison, simulation_document, write_trajectories
 from ..data.record import Record
-from ..diagnose import Diagnosis
-from ..diagnose.answer.document import diagnosis_document
 from ..errors import InputError
 from ..files import output_folder, write_json
-from ..identify.document import identify_document
-from ..identify.result import OrderGrid
-from ..model_file import save_model
-from .page import write_page
+
+if TYPE_CHECKING:  # each of the three does without what the others take to import
+    from ..compare import Comparison
+    from ..diagnose import Diagnosis
+    from ..identify.result import OrderGrid
 
 
 def write_diagnosis(
-    folder: str | PathLike[str], diagnosis: Diagnosis, *, report: bool = True
+    folder: str | PathLike[str], diagnosis: "Diagnosis", *, report: bool = True
 ) -> Path:
     """Write `diagnosis.json`, `model.json` and, if asked, `report.html`.
 
@@ -33,11 +32,15 @@ def write_diagnosis(
     Raises:
         InputError: the folder cannot be made or written to.
     """
+    from ..diagnose.answer.document import diagnosis_document
+    from ..model_file import save_model
+
     folder = output_folder(folder)
     write_json(folder / "diagnosis.json", diagnosis_document(diagnosis))
     save_model(folder / "model.json", diagnosis.model)
     if report:
         from .diagnosis import diagnosis_page
+        from .page import write_page
 
         write_page(folder, diagnosis_page(diagnosis))
     return folder
@@ -45,7 +48,7 @@ def write_diagnosis(
 
 def write_identification(
     folder: str | PathLike[str],
-    grids: Mapping[str, OrderGrid],
+    grids: Mapping[str, "OrderGrid"],
     records: Sequence[Record] | None = None,
     refused: Mapping[str, InputError] | None = None,
     *,
@@ -66,19 +69,22 @@ def write_identification(
     Raises:
         InputError: the folder cannot be made or written to.
     """
+    from ..identify.document import identify_document
+
     folder = output_folder(folder)
     if records is None:
         records = list({id(grid.record): grid.record for grid in grids.values()}.values())
     write_json(folder / "identify.json", identify_document(grids, records, refused))
     if report:
         from .identification import identification_page
+        from .page import write_page
 
         write_page(folder, identification_page(grids, records, refused))
     return folder
 
 
 def write_comparisons(
-    folder: str | PathLike[str], comparisons: Sequence[Comparison], *, report: bool = True
+    folder: str | PathLike[str], comparisons: Sequence["Comparison"], *, report: bool = True
 ) -> Path:
     """Write `simulation.json`, the trajectories as TUM files and, if asked, `report.html`.
 
@@ -93,11 +99,14 @@ def write_comparisons(
     Raises:
         InputError: the folder cannot be made or written to.
     """
+    from ..compare import simulation_document, write_trajectories
+
     folder = output_folder(folder)
     write_json(folder / "simulation.json", simulation_document(comparisons))
     for comparison in comparisons:
         write_trajectories(folder, comparison)
     if report:
+        from .page import write_page
         from .simulation import simulation_page
 
         write_page(folder, simulation_page(comparisons))

@@ -309,7 +309,7 @@ class Diagnosis:
         paths: the held-out drives on the road, for pictures.
         records: the logs.
         held_out: what was held out, in words.
-        summary: the whole answer in a few sentences, the last of which are those of `unseen`.
+        summary: the whole answer in a few sentences; those of `unseen` go with it.
         contradictions: what the logs say against themselves, such as a heading that turns the other
             way, a sentence each with the mend; each is among `unexplained`, too.
     """
