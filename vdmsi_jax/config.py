@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import ClassVar, Literal
 
 from .decode import decode, load_toml
-from .errors import InputError, nearest
+from .errors import InputError, nearest, refuse_unknown_words
 from .units import unit
 
 CANONICAL = {
@@ -69,6 +69,7 @@ class VehicleGeometry:
     lever_arm: float | None = None
 
     def __post_init__(self):
+        refuse_unknown_words(self)
         for name in ("l_f", "l_r"):
             value = getattr(self, name)
             _require(math.isfinite(value), self, name, f"{value} is no distance", "give metres")
@@ -207,6 +208,7 @@ class Prepare:
     min_segment: int = 10
 
     def __post_init__(self):
+        refuse_unknown_words(self)
         for name in ("dt", "gap"):
             value = getattr(self, name)
             fine = value is None or (math.isfinite(value) and value > 0.0)
@@ -295,6 +297,7 @@ class IdentifyOptions:
     fit_loss: float = 0.5
 
     def __post_init__(self):
+        refuse_unknown_words(self)
         for name, allowed in (("poles", range(1, 6)), ("zeros", range(6))):
             given = getattr(self, name)
             problem = f"{list(given)} is out of range"

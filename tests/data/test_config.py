@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from vdmsi_jax.config import Config, VehicleGeometry, load_config
+from vdmsi_jax.config import Config, IdentifyOptions, Prepare, VehicleGeometry, load_config
 from vdmsi_jax.decode import decode
 from vdmsi_jax.errors import InputError
 from vdmsi_jax.units import UNITS, unit
@@ -143,6 +143,20 @@ def test_where_the_reference_point_is(point, arm, expected):
     assert vehicle.reference_point == (
         "sensor" if arm else point.replace("centre_of_gravity", "cog")
     )
+
+
+@pytest.mark.parametrize(
+    ("made", "told"),
+    [
+        (lambda: VehicleGeometry(1.0, 1.0, "rear-axle"), "reference_point.*mean 'rear_axle'"),
+        (lambda: Prepare(missing="interpolat"), "Prepare: missing.*did you mean 'interpolate'"),
+        (lambda: Prepare(duplicates=True), "Prepare: duplicates.*True.*allowed: drop, refuse"),
+        (lambda: IdentifyOptions(split="foo"), "split: unknown value 'foo'.*blocks, run"),
+    ],
+)
+def test_a_word_from_python_is_held_to_those_that_a_file_may_say(unchecked, made, told):
+    with pytest.raises(InputError, match=told):
+        made()
 
 
 def test_decoding_serves_any_dataclass():

@@ -166,9 +166,11 @@ def test_runs_are_held_out_whole(count, share, held):
     assert whole.runs[-1] in hidden.runs
 
 
-def test_one_run_cannot_be_split_by_run():
+def test_one_run_cannot_be_split_by_run(unchecked):
     with pytest.raises(InputError, match="only one run"):
         record().split(by="run")
+    with pytest.raises(InputError, match="'runs'; did you mean 'run'"):
+        record().split(0.5, by="runs")
     with pytest.raises(InputError, match="share"):
         record().split(held_out=1.0)
 

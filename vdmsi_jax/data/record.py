@@ -341,13 +341,16 @@ class Record:
             The training record and the held-out record.
 
         Raises:
-            InputError: the share is out of range, there is only one run, or the segments are too
-                short to hold out blocks.
+            InputError: the share is out of range, `by` is neither, there is only one run, or the
+                segments are too short to hold out blocks.
         """
         if not 0.0 < held_out < 1.0:
             raise InputError(
                 self.source, "held_out", f"{held_out} is no share", "give a number between 0 and 1"
             )
+        if by not in ("blocks", "run"):
+            mend = nearest(str(by), ("blocks", "run"))
+            raise InputError(self.source, "by", f"unknown value {by!r}", mend)
         if by == "run":
             seen, hidden = split_runs(self.segments, held_out, self.source)
         else:

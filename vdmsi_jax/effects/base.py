@@ -20,6 +20,8 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, ArrayLike, Float
 
+from vdmsi_jax.errors import refuse_unknown_words
+
 FORCES = frozenset({"load", "effort"})
 _BETWEEN_ROWS = FORCES | {"held", "output", "sensor"}
 BODY = frozenset({"speed", "angle", "course", "curvature", "relaxed"})
@@ -181,6 +183,9 @@ class AbstractEffect(eqx.Module):
     shown_by: ClassVar[str]
     weight: ClassVar[float] = 0.0
     refines: ClassVar[tuple[str, ...]] = ()
+
+    def __check_init__(self):
+        refuse_unknown_words(self)
 
     @property
     def ports(self) -> frozenset[str]:
