@@ -253,6 +253,18 @@ def test_methods_that_do_not_suit_are_refused():
         Commands(np.zeros(3), np.zeros(4), DT)
 
 
+@pytest.mark.parametrize("dt", [0.0, -DT, np.nan])
+def test_time_goes_on_from_row_to_row(dt):
+    with pytest.raises(ValueError, match="dt = .* is no sample period"):
+        Commands(np.zeros(4), np.zeros(4), dt)
+    with pytest.raises(ValueError, match="dt = .* is no sample period"):
+        STEERING.simulate(np.zeros(4), dt)
+    begun = jax.jit(
+        lambda dt: Commands(np.zeros(4), np.zeros(4), dt).dt
+    )  # whose value is not known
+    assert begun(DT) == DT
+
+
 def test_a_record_gives_its_own_commands():
     drive = commands()
     v, delta = np.asarray(drive.v_cmd), np.asarray(drive.delta_cmd)

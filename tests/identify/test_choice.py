@@ -8,6 +8,7 @@ import pytest
 import made_up
 import vdmsi_jax as vj
 from vdmsi_jax.data.segment import Segment
+from vdmsi_jax.errors import InputError
 from vdmsi_jax.identify.orders import choose
 
 LOG = made_up.record()
@@ -51,6 +52,18 @@ def test_a_fit_alone_makes_a_model():
     found = made_up.order_grid()
     model = vj.identified({"steering": found["P3Z0"]})
     assert model.plants["steering"].linear.den.size == 4
+
+
+def test_no_plant_and_no_order_is_left_out_of_a_model_in_silence():
+    found = made_up.order_grid()
+    with pytest.raises(InputError, match="steering: P1Z3: improper"):
+        vj.identified({"steering": found}, orders={"steering": "P1Z3"})
+    with pytest.raises(InputError, match="steering: P1Z3: improper"):
+        vj.identified({"steering": found["P1Z3"]})
+    with pytest.raises(InputError, match="steerng.*did you mean 'steering'"):
+        vj.identified({"steering": found}, orders={"steerng": "P1Z0"})
+    with pytest.raises(InputError, match="foo: is the plant steering"):
+        vj.identified({"foo": found})
 
 
 @pytest.mark.slow
