@@ -63,6 +63,12 @@ def nearest(name: str, allowed: Iterable[str], limit: int = 16) -> str:
     )
 
 
+def require(fine: bool, owner: object, field: str, problem: str, mend: str) -> None:
+    """Refuse the field of a dataclass unless it is fine."""
+    if not fine:
+        raise InputError(type(owner).__name__, field, problem, mend)
+
+
 def refuse_unknown_words(owner: Any) -> None:
     """Hold the fields of a dataclass that are annotated by a `Literal` to its words.
 
