@@ -96,6 +96,9 @@ class Model:
         """
         if self.vehicle is None:
             mend = "describe the vehicle in [vehicle] of the configuration and identify again"
+            if self.plants and all(plant.spec.role == "plant" for plant in self.plants.values()):
+                name = next(iter(self.plants))
+                mend = f'of a plant alone take model.plants["{name}"].model.simulate(u, dt).y'
             raise InputError("model", "vehicle", "has no geometry, so it has no path", mend)
         powertrain, steering = self.plant("v_cmd", "v"), self.plant("delta_cmd", "delta")
         powertrain, steering = (

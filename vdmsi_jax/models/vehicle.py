@@ -31,8 +31,8 @@ class Vehicle(eqx.Module):
     """Commands in, motion out: VDM where the actuators follow at once, VDM-SI where they are
     identified, and the extended model where actuators, body or road have causes in them.
 
-    A pytree: differentiate it, batch it, exchange its parts with `eqx.tree_at`. VDM and VDM-SI are
-    the same class, so that comparing them is simulating twice.
+    A pytree: differentiate it, batch it, exchange its parts with `eqx.tree_at` (an actuator by
+    None, too). VDM and VDM-SI are the same class, so that comparing them is simulating twice.
 
     Attributes:
         bicycle: geometry.
