@@ -8,7 +8,7 @@ import numpy as np
 from ..data.record import Record, Segment
 from ..errors import InputError, nearest
 from ..identify.acceleration import measures_acceleration, speed_response
-from ..identify.result import Fit, OrderGrid
+from ..identify.result import Fit, OrderGrid, model_of
 from ..metrics import (
     Alignment,
     fit,
@@ -147,12 +147,10 @@ def identified(
 
 def _plant(fit: Fit) -> Plant:
     """What is simulated: of an identified acceleration, the speed that makes it."""
-    if fit.model is None:
-        mend = "choose an order that has a model"
-        raise InputError(fit.plant.name, fit.order, fit.status, mend)
+    model = model_of(fit)
     if measures_acceleration(fit.plant):
         return Plant(replace(fit.plant, output="v"), speed_response(fit).model)
-    return Plant(fit.plant, fit.model)
+    return Plant(fit.plant, model)
 
 
 def _score(
