@@ -108,6 +108,8 @@ def test_an_unknown_channel_or_plant_names_the_nearest(unchecked):
     with pytest.raises(InputError, match="is no name; .*between"):
         record()[0:5]
     assert list(record()) == ["v_cmd", "v"]
+    with pytest.raises(InputError, match="is no plant's name; give its name"):
+        record().plant(("v_cmd", "v"))
     with pytest.raises(InputError, match="'powertrain'"):
         made.plant("powertrian")
     assert made.plant("powertrain").output == "v"

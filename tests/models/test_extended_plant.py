@@ -223,6 +223,11 @@ def test_what_acts_on_body_or_road_is_none_of_an_actuator(effect):
         lagged(effect)
 
 
+def test_an_effect_may_stand_alone(unchecked):
+    plant, effect = PLANTS["P1Z0"], Backlash(0.1)
+    assert ExtendedPlant(plant, effect).effects == (effect,)
+
+
 def test_only_the_bare_one_is_linear():
     assert ExtendedPlant(PLANTS["P2Z2"], ()).to_plant(3).rest.shape == (3,)
     assert lagged(Backlash(0.1)).jump(jnp.asarray(DT)) is None

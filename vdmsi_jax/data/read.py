@@ -5,6 +5,7 @@ read before it fills the memory, turn units into SI, and hand the table to `prep
 evenly sampled segments of it.
 """
 
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -57,7 +58,15 @@ def read_log(path: str | Path, config: str | Path | Config | None = None) -> Rec
         InputError: the log or its configuration is refused; the message names the file, the line or
             key, and the mend.
     """
-    return _read(Path(path), config_of(path, config), {})
+    return _read(_path(path), config_of(path, config), {})
+
+
+def _path(given: str | Path) -> Path:
+    """Where a log is. Raises InputError for what is no path, as arrays are none."""
+    if not isinstance(given, str | os.PathLike):
+        mend = "give the path of a file; Record.from_arrays takes arrays"
+        raise InputError("log", "", f"{type(given).__name__} is no path", mend)
+    return Path(given)
 
 
 def _read(path: Path, config: Config, windows: Mapping[str, float]) -> Record:
@@ -116,7 +125,10 @@ def read_logs(
     """
     if not paths:
         raise InputError("logs", "", "no log is given", "give at least one file")
-    files = [Path(path) for path in paths]
+    if isinstance(paths, str | Path):
+        mend = "give a list of files, or take read_log"
+        raise InputError(str(paths), "", "is a single log", mend)
+    files = [_path(path) for path in paths]
     _refuse_topics(files, config)
     records = _in_step([read_log(file, config) for file in files], files, config)
     folders = [file.resolve().parent.name for file in files]
@@ -219,11 +231,14 @@ def config_of(path: str | Path, config: str | Path | Config | None = None) -> Co
     if isinstance(config, Config):
         return config
     if config is None:
-        path = Path(path)
+        path = _path(path)
         if not path.name:
             raise InputError(str(path), "", "is no file", "name a log")
         candidates = (path.with_suffix(".toml"), *(path.parent / name for name in _CONFIG_NAMES))
         config = next((candidate for candidate in candidates if candidate.is_file()), None)
+    if not isinstance(config, str | os.PathLike | None):
+        mend = "give a TOML file, or Config(...) with these values"
+        raise InputError("config", "", f"{type(config).__name__} is no configuration", mend)
     return load_config(config)
 
 

@@ -207,6 +207,9 @@ class Record:
 
     def plant(self, name: str) -> PlantSpec:
         """The plant of that name. Raises InputError with the nearest name if there is none."""
+        if not isinstance(name, str):
+            mend = 'give its name, such as "steering", or PlantSpec(name, input, output)'
+            raise InputError(self.source, f"plant {name!r}", "is no plant's name", mend)
         for plant in self.plants:
             if plant.name == name:
                 return plant

@@ -13,6 +13,7 @@ discrete operators that are exact there. A vehicle has the ports `speed`, `angle
 """
 
 import abc
+from collections.abc import Iterable
 from typing import ClassVar
 
 import equinox as eqx
@@ -269,6 +270,11 @@ class AbstractEffect(eqx.Module):
         """Curvature at instants that follow each other by `h` seconds (one number, or one for each
         instant: the time since the one before), with a memory of the way."""
         return kappa
+
+
+def several(effects: AbstractEffect | Iterable[AbstractEffect]) -> tuple[AbstractEffect, ...]:
+    """Effects as a tuple; one may stand alone."""
+    return (effects,) if isinstance(effects, AbstractEffect) else tuple(effects)
 
 
 def late(

@@ -161,7 +161,11 @@ def save_model(path: str | Path, model: Model) -> Path:
     Raises:
         ValueError: an effect is none of the project's, or effects do not stand in the order of the
             registry, in which they would be read.
+        InputError: it is no model, or the folder is not there.
     """
+    if not isinstance(model, Model):
+        problem = f"{type(model).__name__} is no model"
+        raise InputError("model", "", problem, "give the path first: save_model(path, model)")
     document: dict[str, Any] = {
         "schema": MODEL,
         "plants": {name: _plant_document(plant) for name, plant in model.plants.items()},
