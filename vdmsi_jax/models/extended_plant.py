@@ -86,7 +86,7 @@ class ExtendedPlant(AbstractPlant):
         if self.substeps < 1:
             raise ValueError(f"give at least one sub-step a row, not {self.substeps}")
         for effect in self.effects:
-            if effect.ports <= BODY:
+            if frozenset() < effect.ports <= BODY:
                 problem = f"{type(effect).__name__} acts on no actuator"
                 raise ValueError(f"{problem}; give it to the effects of a Vehicle")
 
