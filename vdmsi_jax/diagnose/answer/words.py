@@ -132,8 +132,7 @@ def summary(d: Diagnosis) -> str:
     for u in d.unexplained[:3]:
         why = f"; {u.test}" if u.test else ""
         said.append(f"Unexplained in {u.channel}: {100 * u.fraction:.1f} % of what remains{why}.")
-    road = any(record.vehicle is not None for record in d.records)
-    said += [disturbed(u, road) for u in d.disturbances]
+    said += disturbances(d)
     return " ".join(said)
 
 
@@ -142,6 +141,12 @@ def resting(level: Finding) -> str:
     bias = level.parameters["bias"]
     unit = "" if bias.unit == "1" else f" {bias.unit}"
     return f"The {level.where} rests at {number(bias.value)}{unit}, which is no cause."
+
+
+def disturbances(d: Diagnosis) -> list[str]:
+    """The steady disturbances of a diagnosis, a sentence each."""
+    road = any(record.vehicle is not None for record in d.records)
+    return [disturbed(u, road) for u in d.disturbances]
 
 
 def disturbed(u: Unexplained, road: bool) -> str:
