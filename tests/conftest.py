@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 import jax
+import jaxtyping
 import pytest
 
 jax.config.update("jax_enable_x64", True)
@@ -39,3 +40,12 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"the measured logs are not at {folder}; VDMSI_DATA may name their folder")
     return folder
+
+
+@pytest.fixture
+def unchecked():
+    """Annotations are not executed, as for users; else they refuse a wrong word or type before the
+    code that is tested does."""
+    jaxtyping.config.update("jaxtyping_disable", True)
+    yield
+    jaxtyping.config.update("jaxtyping_disable", False)

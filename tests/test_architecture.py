@@ -20,6 +20,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 
 LAYERS = (
     {"errors", "units", "decode", "files", "parameters", "programs", "shown", "threads"},
+    {"geometry"},
     {"config"},
     {"data"},
     {"models", "effects", "model_file"},

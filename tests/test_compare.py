@@ -267,6 +267,12 @@ def test_a_log_without_the_models_commands_is_refused(model):
         compare(log, dataclasses.replace(model, plants={}))
 
 
+@pytest.mark.parametrize("window", [0.0, -1.0, float("nan")])
+def test_windows_have_a_length(model, window):
+    with pytest.raises(InputError, match="window: .* is no duration; give seconds"):
+        compare(record(drive(300)), model, window=window)
+
+
 def driven(model: Model, n: int = 1200) -> Record:
     """A record that is the extended model itself, seen by its sensors; what a log would hold."""
     channels = {name: values[:n] for name, values in drive(n=n).items()}

@@ -61,6 +61,11 @@ def test_a_crash_while_writing_leaves_the_old_file_and_no_litter(tmp_path, monke
     assert os.listdir(tmp_path) == ["r.txt"]
 
 
+def test_a_folder_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(InputError, match="a.json: there is no folder .*nodir; make it"):
+        write_json(tmp_path / "nodir" / "a.json", {})
+
+
 def test_a_result_is_as_readable_as_any_other_file(tmp_path):
     (tmp_path / "plain").write_text("")
     path = write_text(tmp_path / "result", "")

@@ -211,3 +211,15 @@ def test_what_it_refuses():
         fuse(vj.Vehicle(BICYCLE), commands, known["poses"], blind, **told)
     extended = vj.Vehicle(BICYCLE, effects=(Understeer(0.003),))
     assert bool(jnp.isfinite(fuse(extended, commands, known["poses"], seen, **told).poses).all())
+
+
+def test_a_model_and_a_record_are_filtered_too():
+    known, still = drive(0, 60), GaussMarkov(0.1, 1.0)
+    told = {"error": ModelError(still, still), "sensor": PoseSensor(0.1, 0.1)}
+    channels = {name: known[name] for name in ("v_cmd", "delta_cmd")}
+    record = vj.Record.from_arrays(dt=DT, **channels)
+    model = vj.Model({}, vj.VehicleGeometry(L_F, L_R))
+    seen = np.ones(60, bool)
+    own = fuse(model.to_vehicle(), Commands(**channels, dt=DT), known["poses"], seen, **told)
+    same = fuse(model, record, known["poses"], seen, **told)
+    np.testing.assert_array_equal(same.poses, own.poses)

@@ -217,6 +217,12 @@ class Homemade(AbstractEffect):
         return []
 
 
+def test_path_and_model_are_not_exchanged_in_silence(unchecked, tmp_path, grid):
+    model = identified({"steering": grid})
+    with pytest.raises(InputError, match=r"str is no model; .*save_model\(path, model\)"):
+        save_model(model, str(tmp_path / "model.json"))
+
+
 def test_what_could_not_be_read_again_is_not_written(tmp_path):
     path = tmp_path / "model.json"
     for model, told in (

@@ -51,6 +51,9 @@ VEHICLES = {
 }
 
 
+_CONTROLLERS = (None, diffrax.PIDController(rtol=1e-10, atol=1e-10))
+
+
 def commands(seed=0, rows=ROWS):
     rng = np.random.default_rng(seed)
     v = np.repeat(rng.uniform(1.0, 3.0, rows // 97 + 1), 97)[:rows]
@@ -182,6 +185,49 @@ def test_a_track_is_no_record_of_commands_and_has_some():
     assert simulate(VEHICLES["VDM"], drive).ok
 
 
+@pytest.mark.parametrize(
+    ("arguments", "more", "told"),
+    [
+        (([VEHICLES["VDM"]] * 2, commands(rows=9)), {}, "list is no vehicle; .*stack_vehicles"),
+        ((VEHICLES["VDM"], [commands(rows=9)] * 2), {}, "list is no record of commands; .*leading"),
+        ((VEHICLES["VDM"], commands(rows=9), (0, 0, 0)), {}, r"start = \(0, 0, 0\) .*Start\(x"),
+        ((VEHICLES["VDM"], commands(rows=9)), {"method": Solver}, r"is none; give Quadrature\(\)"),
+        ((VEHICLES["VDM"], commands(rows=9)), {"method": "rk4"}, "method = 'rk4' is none; give"),
+    ],
+)
+def test_what_cannot_be_simulated_is_told_by_its_kind(unchecked, arguments, more, told):
+    for verb in (simulate, simulate_many):
+        with pytest.raises(TypeError, match=told):
+            verb(*arguments, **more)
+
+
+def test_commands_of_many_drives_are_for_simulate_many(unchecked):
+    drive = commands(rows=9)
+    two = Commands(jnp.stack([drive.v_cmd] * 2), jnp.stack([drive.delta_cmd] * 2), DT)
+    with pytest.raises(ValueError, match="many drives; use simulate_many"):
+        simulate(VEHICLES["VDM"], two)
+    model = Model({}, VehicleGeometry(1.75, 1.2))
+    assert simulate_many(model, two).x.shape == (2, 9)
+    record = Record.from_arrays(dt=DT, v_cmd=drive.v_cmd, delta_cmd=drive.delta_cmd)
+    assert simulate_many(stack_vehicles([VEHICLES["VDM"]] * 2), record).x.shape == (2, 9)
+    motor = Plant(PlantSpec("motor", "u", "w"), TransferFunction([5.0], [1.0, 5.0]))
+    with pytest.raises(InputError, match=r'take model.plants\["motor"\].model.simulate'):
+        simulate(Model({"motor": motor}), drive)
+
+
+def test_none_is_followed_at_once_however_it_came_there():
+    drive = commands(rows=9)
+    without = eqx.tree_at(lambda v: v.steering, VEHICLES["VDM-SI"], None)
+    path = simulate(without, drive)
+    assert largest_difference(path, simulate(Vehicle(BICYCLE, POWERTRAIN), drive)) == 0.0
+
+
+def test_a_solver_without_a_controller_has_its_own(unchecked):
+    drive = commands(rows=9)
+    paths = [simulate(VEHICLES["VDM"], drive, method=Solver(controller=c)) for c in _CONTROLLERS]
+    assert largest_difference(*paths) == 0.0
+
+
 def mean_ate(vehicle, drive, truth, method):
     path = simulate(vehicle, drive, method=method)
     return metrics.ate(truth, path.poses)["mean"]
@@ -251,6 +297,18 @@ def test_methods_that_do_not_suit_are_refused():
         Quadrature(0)
     with pytest.raises(ValueError, match="one shape"):
         Commands(np.zeros(3), np.zeros(4), DT)
+
+
+@pytest.mark.parametrize("dt", [0.0, -DT, np.nan])
+def test_time_goes_on_from_row_to_row(dt):
+    with pytest.raises(ValueError, match="dt = .* is no sample period"):
+        Commands(np.zeros(4), np.zeros(4), dt)
+    with pytest.raises(ValueError, match="dt = .* is no sample period"):
+        STEERING.simulate(np.zeros(4), dt)
+    begun = jax.jit(
+        lambda dt: Commands(np.zeros(4), np.zeros(4), dt).dt
+    )  # whose value is not known
+    assert begun(DT) == DT
 
 
 def test_a_record_gives_its_own_commands():

@@ -5,7 +5,6 @@ parameters and J the derivative of what is drawn. It is exact where that is line
 parameters, and honest near the estimate elsewhere.
 """
 
-from statistics import NormalDist
 from typing import NamedTuple
 
 import jax
@@ -13,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Complex, Float
 
-from .identify.result import Fit
+from .identify.result import Fit, model_of, z_of
 from .identify.uncertainty import root_sensitivity
 from .models.transfer_function import TransferFunction
 
@@ -34,25 +33,16 @@ class Root(NamedTuple):
     covariance: Float[np.ndarray, "2 2"]
 
 
-def _z(level: float) -> float:
-    return NormalDist().inv_cdf(0.5 + level / 2)
-
-
 def _band(at, value, jacobian, covariance, level: float) -> Band:
     variance = np.einsum("kp,pq,kq->k", jacobian, covariance, jacobian)
-    half = _z(level) * np.sqrt(np.maximum(variance, 0.0))
+    half = z_of(level) * np.sqrt(np.maximum(variance, 0.0))
     return Band(np.asarray(at), value, value - half, value + half)
-
-
-def _model(fit: Fit) -> TransferFunction:
-    assert fit.model is not None, f"{fit.order} has no model: {fit.status}"
-    return fit.model
 
 
 def settling_time(fit: Fit) -> float:
     """A time that shows a step response whole: the delay and six slowest time constants, s, which
     an integrator or a pole slower than the rest by a factor of 30 does not stretch without end."""
-    model = _model(fit)
+    model = model_of(fit)
     rates = np.sort(np.abs(fit.poles.real))
     rates = rates[rates > rates[-1] / 30.0] if rates.size and rates[-1] > 0 else np.ones(1)
     return float(model.delay or 0.0) + 6.0 / float(rates[0])
@@ -60,7 +50,7 @@ def settling_time(fit: Fit) -> float:
 
 def step_band(fit: Fit, t: Float[np.ndarray, " k"], level: float = 0.95) -> Band:
     """Step response (offset left out, delay included) with its interval."""
-    model = _model(fit)
+    model = model_of(fit)
     n = len(model.num)
 
     def response(theta):
@@ -78,7 +68,7 @@ def frequency_bands(
     fit: Fit, omega: Float[np.ndarray, " k"], level: float = 0.95
 ) -> tuple[Band, Band]:
     """Gain in dB and unwrapped phase in degrees at `omega`, rad/s, with their intervals."""
-    model = _model(fit)
+    model = model_of(fit)
     s = 1j * np.asarray(omega)
     num, den = np.asarray(model.num), np.asarray(model.den)
     delay = float(model.delay or 0.0)
@@ -100,14 +90,14 @@ def frequency_bands(
 
 def pole_uncertainty(fit: Fit) -> list[Root]:
     """The poles with their covariances."""
-    model = _model(fit)
+    model = model_of(fit)
     names = [f"a{k}" for k in reversed(range(len(model.den) - 1))]
     return _roots(fit, np.asarray(model.den), fit.poles, names)
 
 
 def zero_uncertainty(fit: Fit) -> list[Root]:
     """The finite zeros with their covariances."""
-    model = _model(fit)
+    model = model_of(fit)
     names = [f"b{k}" for k in reversed(range(len(model.num)))]
     return _roots(fit, np.asarray(model.num), fit.zeros[np.isfinite(fit.zeros)], names)
 

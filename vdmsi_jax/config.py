@@ -9,13 +9,16 @@ there is one), `[identify]` and `[sweep]`.
 
 import dataclasses
 import math
+import operator
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar, Literal
 
 from .decode import decode, load_toml
-from .errors import InputError, nearest
+from .errors import InputError, nearest, refuse_unknown_words, require
+from .geometry import VehicleGeometry as VehicleGeometry
+from .geometry import refuse_no_geometry
 from .units import unit
 
 CANONICAL = {
@@ -34,72 +37,10 @@ CANONICAL = {
 README)."""
 
 POSE = ("x", "y", "psi")
-_SHORTEST, _LONGEST = 1e-3, 100.0  # m, of a wheelbase
 
 STEERING_CHANNELS = ("delta_cmd", "delta")
 """Road-wheel angles. They may be logged as the curvature of the path, which the wheelbase turns
 into an angle."""
-
-
-def _require(fine: bool, owner: object, field: str, problem: str, mend: str) -> None:
-    """Refuse the field of a dataclass unless it is fine."""
-    if not fine:
-        raise InputError(type(owner).__name__, field, problem, mend)
-
-
-@dataclass(frozen=True)
-class VehicleGeometry:
-    """Where the axles are, and which point of the vehicle the log means by its speed and pose.
-
-    Attributes:
-        l_f: how far the steered axle is ahead of the centre of gravity, m.
-        l_r: how far the other axle is behind it, m. Both are negative for a vehicle that steers at
-            the rear, as a forklift.
-        reference_point: the point whose speed and pose are logged. Logs of real vehicles often mean
-            the rear axle, and reading those as the centre of gravity makes side slip where there is
-            none. With a lever arm it is the sensor, unless it is the rear axle, which is refused.
-        lever_arm: how far the sensor sits ahead of the centre of gravity, m (negative behind it).
-    """
-
-    l_f: float
-    l_r: float
-    reference_point: Literal[
-        "cog", "rear_axle", "sensor", "centre_of_gravity", "center_of_gravity"
-    ] = "cog"
-    lever_arm: float | None = None
-
-    def __post_init__(self):
-        for name in ("l_f", "l_r"):
-            value = getattr(self, name)
-            _require(math.isfinite(value), self, name, f"{value} is no distance", "give metres")
-        problem = f"{self.l_f} and l_r = {self.l_r} lie on the same side"
-        mend = "give metres, zero or more; both negative where the steered axle is behind"
-        _require(self.l_f * self.l_r >= 0.0, self, "l_f", problem, mend)
-        problem = f"l_f + l_r = {self.wheelbase:g} m is no wheelbase"
-        fine = _SHORTEST <= abs(self.wheelbase) <= _LONGEST
-        _require(fine, self, "l_f", problem, "give the distances in metres")
-        point = "cog" if self.reference_point.endswith("gravity") else self.reference_point
-        point = "sensor" if point == "cog" and self.lever_arm is not None else point
-        object.__setattr__(self, "reference_point", point)  # one name for each from here on
-        fine = (point == "sensor") == (self.lever_arm is not None)
-        problem = f"does not go with reference_point = {self.reference_point!r}"
-        mend = 'give it (m ahead of the centre of gravity) with "sensor", and only then'
-        _require(fine, self, "lever_arm", problem, mend)
-        problem = f"{self.lever_arm} is no distance"
-        _require(math.isfinite(self.lever_arm or 0.0), self, "lever_arm", problem, "give metres")
-
-    @property
-    def wheelbase(self) -> float:
-        """Distance between the axles l_f + l_r, m."""
-        return self.l_f + self.l_r
-
-    @property
-    def rear_to_reference(self) -> float:
-        """How far the reference point lies ahead of the rear axle, m (zero for the rear axle
-        itself)."""
-        if self.reference_point == "rear_axle":
-            return 0.0
-        return self.l_r + (self.lever_arm or 0.0)
 
 
 @dataclass(frozen=True)
@@ -118,7 +59,7 @@ class PlantSpec:
 
     def __post_init__(self):
         problem = f"is its input {self.input!r}, too"
-        _require(self.input != self.output, self, "output", problem, "name what answers to it")
+        require(self.input != self.output, self, "output", problem, "name what answers to it")
 
     @property
     def channels(self) -> tuple[str, str]:
@@ -207,17 +148,18 @@ class Prepare:
     min_segment: int = 10
 
     def __post_init__(self):
+        refuse_unknown_words(self)
         for name in ("dt", "gap"):
             value = getattr(self, name)
             fine = value is None or (math.isfinite(value) and value > 0.0)
-            _require(fine, self, name, f"{value} is no duration", "give seconds, more than zero")
+            require(fine, self, name, f"{value} is no duration", "give seconds, more than zero")
         problem = f"{self.jitter} is out of range"
-        _require(0 < self.jitter < 0.5, self, "jitter", problem, "give a share, 0 to 0.5")
+        require(0 < self.jitter < 0.5, self, "jitter", problem, "give a share, 0 to 0.5")
         fine = math.isfinite(self.warm_up) and self.warm_up >= 0.0
         problem = f"{self.warm_up} is no duration"
-        _require(fine, self, "warm_up", problem, "give seconds, zero or more")
+        require(fine, self, "warm_up", problem, "give seconds, zero or more")
         problem = f"{self.min_segment} is too few"
-        _require(self.min_segment >= 2, self, "min_segment", problem, "give 2 or more")
+        require(self.min_segment >= 2, self, "min_segment", problem, "give 2 or more")
 
 
 RULES = (
@@ -260,16 +202,16 @@ class Derivation:
     def __post_init__(self):
         fine = (self.rule is None) != (self.expression is None)
         mend = f"rules are {', '.join(RULES)}"
-        _require(fine, self, "", "needs either a rule or an expression", mend)
+        require(fine, self, "", "needs either a rule or an expression", mend)
         fine = self.rule is None or self.rule in RULES
         problem = f"unknown rule {self.rule!r}"
-        _require(fine, self, "rule", problem, nearest(self.rule or "", RULES))
+        require(fine, self, "rule", problem, nearest(self.rule or "", RULES))
         fine = self.expression is None or self.unit is not None
-        _require(fine, self, "unit", "missing", 'give that of the expression, as unit = "rad/s"')
+        require(fine, self, "unit", "missing", 'give that of the expression, as unit = "rad/s"')
         fine = self.window is None or 0.0 < self.window < math.inf
-        _require(fine, self, "window", f"{self.window} is no duration", "give seconds")
+        require(fine, self, "window", f"{self.window} is no duration", "give seconds")
         problem = f"{self.min_speed} is no limit"
-        _require(self.min_speed > 0.0, self, "min_speed", problem, "give m/s, more than zero")
+        require(self.min_speed > 0.0, self, "min_speed", problem, "give m/s, more than zero")
 
 
 @dataclass(frozen=True)
@@ -295,18 +237,20 @@ class IdentifyOptions:
     fit_loss: float = 0.5
 
     def __post_init__(self):
+        refuse_unknown_words(self)
         for name, allowed in (("poles", range(1, 6)), ("zeros", range(6))):
-            given = getattr(self, name)
+            given = tuple(map(operator.index, getattr(self, name)))
+            object.__setattr__(self, name, given)  # NumPy's numbers as Python's
             problem = f"{list(given)} is out of range"
             fine = len(given) > 0 and set(given) <= set(allowed)
-            _require(fine, self, name, problem, f"choose from {list(allowed)}")
+            require(fine, self, name, problem, f"choose from {list(allowed)}")
         problem = f"{self.held_out} is no share"
         mend = "give a number from 0 up to, and less than, 1"
-        _require(0 <= self.held_out < 1, self, "held_out", problem, mend)
+        require(0 <= self.held_out < 1, self, "held_out", problem, mend)
         problem = f"{self.delay} is no bound"
-        _require(self.delay is False or self.delay > 0, self, "delay", problem, "give seconds")
+        require(self.delay is False or self.delay > 0, self, "delay", problem, "give seconds")
         problem = f"{self.fit_loss} is negative"
-        _require(self.fit_loss >= 0.0, self, "fit_loss", problem, "give points of FIT")
+        require(self.fit_loss >= 0.0, self, "fit_loss", problem, "give points of FIT")
 
 
 @dataclass(frozen=True)
@@ -336,7 +280,7 @@ class SweepOptions:
 
     def __post_init__(self):
         mend = 'give runs = [{ log = "run.csv", config = "vehicle.toml" }, ...]'
-        _require(len(self.runs) > 0, self, "runs", "there are none", mend)
+        require(len(self.runs) > 0, self, "runs", "there are none", mend)
 
 
 @dataclass(frozen=True)
@@ -371,19 +315,20 @@ class Config:
     path: Path | None = field(default=None, metadata={"toml": False})
 
     def __post_init__(self):
+        refuse_no_geometry(self.vehicle, "Config")
         plants = self.plants or _SINGLE
         known = {*CANONICAL, *self.columns, *(c for p in plants for c in p.channels)}
         for table in ("units", "sign"):
             for channel in getattr(self, table):
                 place = f"[{table}] {channel}"
                 mend = nearest(channel, known)
-                _require(channel in known, self, place, "no such channel", mend)
+                require(channel in known, self, place, "no such channel", mend)
         for channel, name in self.units.items():
             quantities = allowed_quantities(channel, self.canonical)
             unit(name, source="Config", place=f"[units] {channel}", quantities=quantities)
         for channel, factor in self.sign.items():
             problem = f"{factor} is no sign"
-            _require(factor in (1, -1), self, f"[sign] {channel}", problem, "give 1 or -1")
+            require(factor in (1, -1), self, f"[sign] {channel}", problem, "give 1 or -1")
         for channel, how in self.derive.items():
             if how.unit is not None and channel not in POSE:
                 quantities = allowed_quantities(channel, self.canonical)
@@ -391,9 +336,9 @@ class Config:
                 unit(how.unit, source="Config", place=place, quantities=quantities)
         for name in ("t", "run"):
             mend = "name the derived channel differently"
-            _require(name not in self.derive, self, f"[derive] {name}", "is no channel", mend)
+            require(name not in self.derive, self, f"[derive] {name}", "is no channel", mend)
         fine = len({plant.name for plant in self.plants}) == len(self.plants)
-        _require(fine, self, "[[plants]] name", "two plants have one name", "rename one of them")
+        require(fine, self, "[[plants]] name", "two plants have one name", "rename one of them")
 
     @property
     def canonical(self) -> dict[str, str]:

@@ -1,8 +1,10 @@
-"""The one exception for input that the toolkit refuses, and the helper that names the nearest right
+"""The one exception for input that the toolkit refuses, and the helpers that name the nearest right
 word."""
 
+import dataclasses
 import difflib
 from collections.abc import Iterable
+from typing import Any, Literal, get_args, get_origin
 
 _LONGEST = 40  # letters of a word that is listed
 
@@ -59,6 +61,25 @@ def nearest(name: str, allowed: Iterable[str], limit: int = 16) -> str:
     return (
         f"did you mean {lowered[close[0]]!r}? Allowed: {listed}" if close else f"allowed: {listed}"
     )
+
+
+def require(fine: bool, owner: object, field: str, problem: str, mend: str) -> None:
+    """Refuse the field of a dataclass unless it is fine."""
+    if not fine:
+        raise InputError(type(owner).__name__, field, problem, mend)
+
+
+def refuse_unknown_words(owner: Any) -> None:
+    """Hold the fields of a dataclass that are annotated by a `Literal` to its words.
+
+    Raises:
+        InputError: one of them is none of these.
+    """
+    for field in dataclasses.fields(owner):
+        word = getattr(owner, field.name)
+        if get_origin(field.type) is Literal and word not in get_args(field.type):
+            mend = nearest(str(word), get_args(field.type))
+            raise InputError(type(owner).__name__, field.name, f"unknown value {word!r}", mend)
 
 
 def _short(word: str) -> str:

@@ -48,8 +48,14 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
 
     The content goes to a temporary file in the same folder, to the disk, and then takes the name in
     one step of the file system.
+
+    Raises:
+        InputError: the folder is not there.
     """
     path = Path(path)
+    if not path.parent.is_dir():
+        problem = f"there is no folder {path.parent}"
+        raise InputError(str(path), "", problem, "make it, or name another one")
     temporary = path.parent / f".{path.name}.{secrets.token_hex(8)}"
     handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
     try:

@@ -17,10 +17,13 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, ArrayLike, Bool, Float
 
+from vdmsi_jax.data.record import Record
+from vdmsi_jax.model_file import Model
 from vdmsi_jax.models.commands import Commands
 from vdmsi_jax.models.linear_plant import LinearPlant, delayed
 from vdmsi_jax.models.plant import AbstractPlant
 from vdmsi_jax.models.vehicle import Vehicle
+from vdmsi_jax.simulate import as_commands, as_vehicle
 
 POSE = 3  # x, y, psi come first in the state; then the errors of speed and angle; then the plants
 _ERRORS = 2
@@ -140,10 +143,9 @@ class Fused(NamedTuple):
         return jnp.sum(error * solved, axis=-1)
 
 
-@eqx.filter_jit
 def fuse(
-    vehicle: Vehicle,
-    commands: Commands,
+    vehicle: Vehicle | Model,
+    commands: Commands | Record,
     measured: Float[ArrayLike, "N 3"],
     seen: Bool[ArrayLike, " N"],
     *,
@@ -159,7 +161,8 @@ def fuse(
     Args:
         vehicle: VDM or VDM-SI; effects of body and road are taken, but not their memory. The
             bicycle takes the powertrain's response as its speed, whatever `speed_input` says.
-        commands: held between the rows.
+            A model is the vehicle that it describes.
+        commands: held between the rows; a record without gaps gives its own.
         measured: x, y (m) and psi (rad, wrapped or not) at the rows; the numbers of rows that were
             not seen are not read.
         seen: which rows the sensor saw. The first must be one.
@@ -169,7 +172,21 @@ def fuse(
     Raises:
         ValueError: an actuator is not linear, or an effect remembers the way.
         RuntimeError: the first row was not seen.
+        TypeError, InputError: of vehicle and commands, as in `simulate`.
     """
+    vehicle, commands = as_vehicle(vehicle), as_commands(commands)
+    return _fuse(vehicle, commands, measured, seen, error, sensor)
+
+
+@eqx.filter_jit
+def _fuse(
+    vehicle: Vehicle,
+    commands: Commands,
+    measured: Float[ArrayLike, "N 3"],
+    seen: Bool[ArrayLike, " N"],
+    error: ModelError,
+    sensor: PoseSensor,
+) -> Fused:
     if vehicle.acts_at("relaxed"):
         raise ValueError("a filter takes no effect that remembers the way; leave it out")
     measured, seen = jnp.asarray(measured, float), jnp.asarray(seen)

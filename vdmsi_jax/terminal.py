@@ -150,7 +150,7 @@ def show_reproduction(experiments: Sequence["Experiments"]) -> None:
 def show_diagnosis(diagnosis: "Diagnosis") -> None:
     """The verdict, each finding in words, what it gains, and what remains."""
     from .diagnose.answer.document import left_over, title
-    from .diagnose.answer.words import disturbed, in_words, resting, verdict
+    from .diagnose.answer.words import disturbances, in_words, resting, verdict
 
     for told in diagnosis.contradictions:
         OUT.print(told, style="bold", soft_wrap=True, markup=False)
@@ -174,8 +174,8 @@ def show_diagnosis(diagnosis: "Diagnosis") -> None:
         show_table(header, rows)
     for left in diagnosis.unexplained[len(diagnosis.contradictions) :]:
         _say(left_over(left))
-    for left in diagnosis.disturbances:
-        _say(disturbed(left))
+    for said in disturbances(diagnosis):
+        _say(said)
     for level in diagnosis.levels:
         _say(resting(level))
     if diagnosis.small:

@@ -4,9 +4,10 @@ right word."""
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from vdmsi_jax.config import Config, VehicleGeometry, load_config
+from vdmsi_jax.config import Config, IdentifyOptions, Prepare, VehicleGeometry, load_config
 from vdmsi_jax.decode import decode
 from vdmsi_jax.errors import InputError
 from vdmsi_jax.units import UNITS, unit
@@ -143,6 +144,26 @@ def test_where_the_reference_point_is(point, arm, expected):
     assert vehicle.reference_point == (
         "sensor" if arm else point.replace("centre_of_gravity", "cog")
     )
+
+
+@pytest.mark.parametrize(
+    ("made", "told"),
+    [
+        (lambda: VehicleGeometry(1.0, 1.0, "rear-axle"), "reference_point.*mean 'rear_axle'"),
+        (lambda: Prepare(missing="interpolat"), "Prepare: missing.*did you mean 'interpolate'"),
+        (lambda: Prepare(duplicates=True), "Prepare: duplicates.*True.*allowed: drop, refuse"),
+        (lambda: IdentifyOptions(split="foo"), "split: unknown value 'foo'.*blocks, run"),
+        (lambda: Config(vehicle={"l_f": 1.0}), "Config: vehicle: .* is no geometry"),
+    ],
+)
+def test_a_value_from_python_is_held_to_what_a_file_may_say(unchecked, made, told):
+    with pytest.raises(InputError, match=told):
+        made()
+
+
+def test_numbers_of_numpy_are_orders_too(unchecked):
+    options = IdentifyOptions(poles=np.arange(1, 3), zeros=[np.int64(0)])
+    assert options == IdentifyOptions(poles=(1, 2), zeros=(0,))
 
 
 def test_decoding_serves_any_dataclass():

@@ -257,6 +257,7 @@ def test_long_holes_are_not_filled(tmp_path, policy):
     t = 0.01 * np.arange(300)
     log = read(tmp_path, with_holes(t, {"v": np.arange(100, 120)}), missing=policy)
     assert [len(s) for s in log.segments] == [100, 180] and log.measured("v").all()
+    assert log.repairs[-1].endswith("holes of up to 0.05 s are filled in, as [prepare] gap says")
 
 
 def test_holes_at_the_ends_are_cut(tmp_path):

@@ -371,6 +371,20 @@ def test_a_plant_names_its_columns_by_itself(tmp_path):
         read_log(tmp_path / "log.csv", tmp_path / "c.toml")
 
 
+@pytest.mark.parametrize(
+    ("call", "told"),
+    [
+        (lambda: read_logs("car_1.csv"), "car_1.csv: is a single log; give a list"),
+        (lambda: read_log(None), "NoneType is no log; give a file, a mapping"),
+        (lambda: read_logs([3.0]), "float is no log; give a file, a mapping"),
+        (lambda: read_log("car_1.csv", {"vehicle": {}}), "config: dict is no configuration; give"),
+    ],
+)
+def test_what_is_no_log_is_refused_in_one_line(unchecked, call, told):
+    with pytest.raises(InputError, match=told):
+        call()
+
+
 def test_logs_that_ask_to_be_identified_in_other_ways_are_refused(tmp_path):
     logs = [write_csv(tmp_path / f"run_{k}.csv", drive()) for k in (1, 2)]
     (tmp_path / "run_1.toml").write_text("[identify]\npoles = [1]\n")

@@ -43,11 +43,14 @@ def test_a_record_counts_its_samples_and_lists_its_channels():
     assert {name: log[name] for name in log}.keys() == log.channels.keys()
 
 
-def test_what_from_arrays_makes():
+def test_what_from_arrays_makes(unchecked):
     made = Record.from_arrays(dt=0.1, v_cmd=[0, 1, 2], v=[0.0, 1.0, 2.0], t0=5.0, name="mine")
     assert made.n == 3 and made.duration == pytest.approx(0.3) and made.runs == ("mine",)
     np.testing.assert_allclose(made.t, [5.0, 5.1, 5.2])
     assert made.plants == (PlantSpec("powertrain", "v_cmd", "v"),)
+    alone = PlantSpec("motor", "u", "w")
+    motor = Record.from_arrays(dt=np.array([0.1]), u=[0, 1], w=[0, 1], plants=alone)
+    assert motor.dt == 0.1 and motor.plants == (alone,)
     assert made.units["v"] == "m/s" and "v" in made and "t" in made and "delta" not in made
 
 
@@ -62,9 +65,16 @@ def test_what_from_arrays_makes():
         ({}, "none"),
         ({"v": [1.0, 2.0], "dt": 0.0}, "dt"),
         ({"v": [1.0, 2.0], "t": [0.0, 1.0]}, "t0"),
+        ({"v": [1.0, 2.0], "dt": "0.1"}, "dt: '0.1' is no sample period; give seconds"),
+        ({"v": [1.0, 2.0], "dt": None}, "dt: None is no sample period"),
+        ({"v": [1.0, 2.0], "dt": np.array([0.1, 0.1])}, "dt: .* is no sample period"),
+        ({"v": [1.0, 2.0j]}, "v: is complex"),
+        ({"v": ["1", "a"]}, "v: holds what is no number .*'a'.*; give numbers"),
+        ({"v": [1.0, 2.0], "vehicle": {"l_f": 1.0}}, "is no geometry; give VehicleGeometry"),
+        ({"v": [1.0, 2.0], "plants": [PlantSpec("m", "vv", "v")]}, "vv: .* did you mean 'v'"),
     ],
 )
-def test_what_from_arrays_refuses(arguments, told):
+def test_what_from_arrays_refuses(unchecked, arguments, told):
     with pytest.raises(InputError, match=told):
         Record.from_arrays(**{"dt": 0.1, **arguments})
 
@@ -98,10 +108,15 @@ def test_it_survives_pickling():
     np.testing.assert_array_equal(again.within["v"], made.within["v"])
 
 
-def test_an_unknown_channel_or_plant_names_the_nearest():
+def test_an_unknown_channel_or_plant_names_the_nearest(unchecked):
     made = Record.from_arrays(dt=0.1, v_cmd=[0, 1], v=[0, 1])
     with pytest.raises(InputError, match="'v_cmd'"):
         made["vcmd"]
+    with pytest.raises(InputError, match="is no name; .*between"):
+        record()[0:5]
+    assert list(record()) == ["v_cmd", "v"]
+    with pytest.raises(InputError, match="is no plant's name; give its name"):
+        record().plant(("v_cmd", "v"))
     with pytest.raises(InputError, match="'powertrain'"):
         made.plant("powertrian")
     assert made.plant("powertrain").output == "v"
@@ -173,9 +188,11 @@ def test_runs_are_held_out_whole(count, share, held):
     assert whole.runs[-1] in hidden.runs
 
 
-def test_one_run_cannot_be_split_by_run():
+def test_one_run_cannot_be_split_by_run(unchecked):
     with pytest.raises(InputError, match="only one run"):
         record().split(by="run")
+    with pytest.raises(InputError, match="'runs'; did you mean 'run'"):
+        record().split(0.5, by="runs")
     with pytest.raises(InputError, match="share"):
         record().split(held_out=1.0)
 

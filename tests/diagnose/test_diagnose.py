@@ -231,6 +231,36 @@ def test_a_log_of_a_second_is_refused_in_one_line():
         vj.diagnose(plant_log(u, 0.5 * u))
 
 
+def test_a_response_that_is_constant_is_told_as_such_and_is_no_dead_sensor_of_a_pose():
+    u = np.repeat([1.0, -1.0, 1.0, -1.0], 100)
+    with pytest.raises(vj.InputError, match="y: the response of plant is zero in all 400 samples"):
+        vj.diagnose(vj.Record.from_arrays(dt=0.02, u=u, y=0.0 * u))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("car.csv",), "str is no record; give records, as read_log"),
+        ((None,), "NoneType is no record"),
+        ((plant_log(np.arange(400) % 7, np.zeros(400)), "car.toml"), "'car.toml' is no geometry"),
+    ],
+)
+def test_what_is_no_record_and_no_vehicle_is_refused_in_one_line(unchecked, arguments, told):
+    with pytest.raises(vj.InputError, match=told):
+        vj.diagnose(*arguments)
+    if len(arguments) == 1:
+        with pytest.raises(vj.InputError, match=told):
+            vj.identify(*arguments, "steering")
+        with pytest.raises(vj.InputError, match=told):
+            vj.identify_vehicle(*arguments)
+
+
+def test_noise_that_is_a_number_is_refused(unchecked):
+    u = np.repeat([1.0, -1.0, 1.0, -1.0], 100)
+    with pytest.raises(vj.InputError, match="noise: w: 0.1 is no KnownNoise"):
+        vj.diagnose(plant_log(u, 0.5 * u), noise={"w": 0.1})
+
+
 @pytest.mark.parametrize("step", [1, 998])
 def test_a_command_that_changes_once_at_an_end_is_no_fault(step):
     """What causes need to be tried is not there: no size of the command, no rate."""

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from vdmsi_jax.diagnose.actuator.hypothesis import Hypothesis, Refit
+from vdmsi_jax.diagnose.actuator.stage import Slot
 from vdmsi_jax.diagnose.answer.result import Estimate, Rival
 from vdmsi_jax.diagnose.findings.body_naming import as_offset, or_bank, or_wheels
 from vdmsi_jax.diagnose.findings.merging import merged
@@ -13,8 +14,13 @@ from vdmsi_jax.diagnose.findings.naming import (
     Named,
     _friction,
     _same_force,
+    told_unit,
     with_form,
 )
+from vdmsi_jax.effects.gain_nonlinearity import GainNonlinearity
+from vdmsi_jax.effects.rate_limit import RateLimit
+from vdmsi_jax.effects.saturation import Saturation
+from vdmsi_jax.parameters import parameters
 
 
 def named(cause: str, where: str, **parameters: tuple[float, float]) -> Named:
@@ -94,6 +100,22 @@ def test_what_is_not_known_of_a_form_widens_sizes_and_no_frequency():
 
     assert wider["gap"].std == pytest.approx(0.05)
     assert wider["frequency"] == told["frequency"]
+
+
+@pytest.mark.parametrize(
+    ("effect", "units", "told"),
+    [
+        (GainNonlinearity(), ("1", "1"), ["1", "1"]),
+        (GainNonlinearity(), ("rad", "rad"), ["1/rad", "1/rad^2"]),
+        (RateLimit(), ("1", "1"), ["1/s", "1/s"]),
+        (RateLimit(), ("1", "m/s"), ["m/s^2", "m/s^2"]),
+        (Saturation(), ("1", "1"), ["1", "1"]),
+    ],
+)
+def test_units_are_not_divided_by_one(effect, units, told):
+    known = parameters(effect)
+    slot = Slot(effect, "plant", tuple(range(len(known))), tuple(known), tuple(known.values()))
+    assert [told_unit(slot, j, units) for j in range(len(known))] == told
 
 
 @pytest.mark.parametrize(

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from vdmsi_jax.diagnose.answer.result import Estimate, Finding, Gain, Rival
-from vdmsi_jax.diagnose.answer.words import apart, sentence
+from vdmsi_jax.diagnose.answer.result import Estimate, Finding, Gain, Rival, Unexplained
+from vdmsi_jax.diagnose.answer.words import apart, disturbed, sentence
 from vdmsi_jax.diagnose.findings.verdict import _rank
 
 
@@ -55,6 +55,12 @@ def test_a_ratio_says_which_side_is_weaker(cause, form, size, told):
 )
 def test_the_path_is_told_either_way(before, after, told):
     assert told in said(80.0, 90.0, ate_before=before, ate_after=after)
+
+
+def test_only_what_drives_on_a_road_is_disturbed_by_its_ground():
+    shaken = Unexplained("v", 0.3, (), test="12 % of its error")
+    assert disturbed(shaken, True).endswith("as wind or rough ground would not.")
+    assert disturbed(shaken, False).endswith("as a load from outside would not.")
 
 
 def test_a_rival_of_another_sensor_says_of_which():

@@ -11,12 +11,14 @@ import pytest
 
 from effects.worlds import REGISTRY, WORLDS, benches, label, places
 from vdmsi_jax.effects import ACTUATOR, AbstractEffect, Signals
+from vdmsi_jax.effects.backlash import Backlash
 from vdmsi_jax.effects.base import PORTS
 from vdmsi_jax.effects.dead_zone import DeadZone
 from vdmsi_jax.effects.gain_asymmetry import GainAsymmetry
 from vdmsi_jax.effects.rate_limit import RateLimit
 from vdmsi_jax.effects.regime_change import RegimeChange
 from vdmsi_jax.effects.saturation import Saturation
+from vdmsi_jax.errors import InputError
 from vdmsi_jax.models.extended_plant import ExtendedPlant, respond
 from vdmsi_jax.models.observer_form import observer
 from vdmsi_jax.models.transfer_function import TransferFunction
@@ -44,6 +46,19 @@ def test_every_word_has_an_effect_and_every_effect_such_a_word():
 def test_no_cause_is_registered_twice_in_one_form():
     names = [label(effect) for effect in REGISTRY]
     assert len(set(names)) == len(names)
+
+
+@pytest.mark.parametrize(
+    ("made", "told"),
+    [
+        (lambda: Backlash(0.5, at="output"), "Backlash: at: unknown value 'output'.*response"),
+        (lambda: GainAsymmetry(0.2, by="comand"), "by: unknown value.*did you mean 'command'"),
+        (lambda: RegimeChange(0.5, 0.2, over="ru"), "over: unknown value 'ru'; did you mean 'run'"),
+    ],
+)
+def test_a_form_that_no_effect_has_is_none_of_another(unchecked, made, told):
+    with pytest.raises(InputError, match=told):
+        made()
 
 
 def test_a_dead_zone_is_the_same_both_ways_before_the_gain_differs():

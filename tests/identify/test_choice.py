@@ -8,6 +8,7 @@ import pytest
 import made_up
 import vdmsi_jax as vj
 from vdmsi_jax.data.segment import Segment
+from vdmsi_jax.errors import InputError
 from vdmsi_jax.identify.orders import choose
 
 LOG = made_up.record()
@@ -47,10 +48,45 @@ def test_fits_and_grids_are_told_in_a_line():
     assert len(repr(found["P2Z1"])) < 120
 
 
+def test_a_parameter_a_level_or_an_order_that_is_none_is_told_with_the_nearest():
+    found = made_up.order_grid()
+    fit = found["P2Z1"]
+    with pytest.raises(InputError, match="P2Z1 of steering: a7: .*did you mean 'a1'"):
+        fit.value("a7")
+    with pytest.raises(InputError, match="a7: there is no such parameter"):
+        fit.interval("a7")
+    with pytest.raises(InputError, match="level: 95.0 is no share; give 0.95"):
+        fit.interval("a0", 95.0)
+    with pytest.raises(InputError, match="steering: P1Z3: improper"):
+        found["P1Z3"].value("a0")
+    with pytest.raises(KeyError, match="did you mean 'P2Z1'"):
+        found["p2z1"]
+
+
+def test_iterating_over_a_grid_gives_its_orders():
+    found = made_up.order_grid()
+    assert list(found) == list(found.fits)
+    assert "P1Z0" in found and "P7Z0" not in found
+    one = replace(found, fits={"P1Z0": found["P1Z0"]}, chosen="P1Z0")
+    assert ": 1 order fitted," in repr(one)
+
+
 def test_a_fit_alone_makes_a_model():
     found = made_up.order_grid()
     model = vj.identified({"steering": found["P3Z0"]})
     assert model.plants["steering"].linear.den.size == 4
+
+
+def test_no_plant_and_no_order_is_left_out_of_a_model_in_silence():
+    found = made_up.order_grid()
+    with pytest.raises(InputError, match="steering: P1Z3: improper"):
+        vj.identified({"steering": found}, orders={"steering": "P1Z3"})
+    with pytest.raises(InputError, match="steering: P1Z3: improper"):
+        vj.identified({"steering": found["P1Z3"]})
+    with pytest.raises(InputError, match="steerng.*did you mean 'steering'"):
+        vj.identified({"steering": found}, orders={"steerng": "P1Z0"})
+    with pytest.raises(InputError, match="foo: is the plant steering"):
+        vj.identified({"foo": found})
 
 
 @pytest.mark.slow

@@ -210,9 +210,11 @@ def test_parts_of_the_grid(record):
     assert list(only.fits) == ["P3Z0"] and only.chosen == "P3Z0"
 
 
-def test_a_grid_of_improper_orders_alone_is_refused(record):
+def test_a_grid_of_improper_orders_alone_is_refused(unchecked, record):
     with pytest.raises(InputError, match="[Ii]mproper|no proper"):
         identify(record, "plant", poles=(1,), zeros=(2, 3))
+    with pytest.raises(InputError, match=r"zeros \[2, 3\] exceed poles \[1\]"):
+        identify(record, "plant", poles=np.int64(1), zeros=np.arange(2, 4))
 
 
 def test_fewer_samples_than_unknowns_are_refused(record):

@@ -8,6 +8,7 @@ import pytest
 import vdmsi_jax as vj
 from known_plants import PLANT, POWERTRAIN, coloured, log, response, steps, white
 from vdmsi_jax.identify.online import Forgetting, identify_online, track
+from vdmsi_jax.identify.result import Fit
 
 DT = 0.01
 NOISE = 0.054  # m/s: the residual that FIT and MSE of the paper's powertrain imply
@@ -120,6 +121,19 @@ def test_samples_that_were_not_measured_teach_nothing():
     assert jnp.array_equal(one, other)
 
 
+def test_it_begins_with_a_fit_too_and_names_its_coefficients():
+    u, y = drive(0, 10.0)
+    record = log(u, y, DT)
+    found = identify_online(record, PLANT, GUESS)
+    fit = Fit("P1Z0", PLANT, "converged", GUESS)
+    same = identify_online(record, PLANT, fit)
+    np.testing.assert_array_equal(same.parameters, found.parameters)
+    with pytest.raises(vj.InputError, match="Tracking: zz: there is no such parameter"):
+        found.interval("zz")
+    with pytest.raises(vj.InputError, match="level: 95.0 is no share"):
+        found.interval("a0", 95.0)
+
+
 def test_what_it_refuses():
     u, y = drive(0, 10.0)
     record = log(u, y, DT)
@@ -128,5 +142,8 @@ def test_what_it_refuses():
     halves = vj.Record.concatenate([record, record])
     with pytest.raises(vj.InputError, match="cannot cross a gap"):
         identify_online(halves, PLANT, GUESS)
+    improper = Fit("P1Z2", PLANT, "improper: 2 zeros exceed 1 poles")
+    with pytest.raises(vj.InputError, match="P1Z2: improper"):
+        identify_online(record, PLANT, improper)
     with pytest.raises(ValueError, match="memory"):
         Forgetting(memory=0.0)

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from vdmsi_jax.effects import ACTUATOR, Signals
+from vdmsi_jax.effects import ACTUATOR, VEHICLE, Signals
 from vdmsi_jax.effects.backlash import Backlash
 from vdmsi_jax.effects.coulomb_friction import CoulombFriction
 from vdmsi_jax.effects.drag import Drag
@@ -215,6 +215,17 @@ def test_what_a_sensor_adds_does_not_move():
     np.testing.assert_array_equal(
         lagged(SensorBias(0.3)).simulate(u, DT).y, lagged().simulate(u, DT).y
     )
+
+
+@pytest.mark.parametrize("effect", VEHICLE, ids=lambda effect: effect.cause)
+def test_what_acts_on_body_or_road_is_none_of_an_actuator(effect):
+    with pytest.raises(ValueError, match=f"{type(effect).__name__} acts on no actuator.*Vehicle"):
+        lagged(effect)
+
+
+def test_an_effect_may_stand_alone(unchecked):
+    plant, effect = PLANTS["P1Z0"], Backlash(0.1)
+    assert ExtendedPlant(plant, effect).effects == (effect,)
 
 
 def test_only_the_bare_one_is_linear():

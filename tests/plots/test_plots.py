@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 import made_up
 from vdmsi_jax import plots
+from vdmsi_jax.errors import InputError
 from vdmsi_jax.plots.style import envelope, squared_unit, unit_label
 
 FIGURES = {
@@ -118,6 +119,14 @@ def test_the_grid_shows_every_order_with_its_number_or_reason(results):
         assert sum(text.get_text() == "improper" for text in axes.texts) == 10
     said = {text.get_text() for text in left.texts}
     assert {f"{fit.fit:.2f}" for fit in grid.fits.values() if fit.ok} <= said
+
+
+def test_an_order_without_a_model_is_not_drawn():
+    found = made_up.order_grid()
+    with pytest.raises(InputError, match="steering: P1Z3: improper"):
+        plots.fitted(found, "P1Z3")
+    with pytest.raises(InputError, match="steering: P1Z3: improper"):
+        plots.responses(found["P1Z3"], found.record)
 
 
 def test_a_sweep_shows_what_each_order_reaches(results):

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from ..data.record import Record, Segment
-from ..errors import InputError
+from ..errors import InputError, nearest
 from ..identify.acceleration import measures_acceleration, speed_response
-from ..identify.result import Fit, OrderGrid
+from ..identify.result import Fit, OrderGrid, model_of
 from ..metrics import (
     Alignment,
     fit,
@@ -52,11 +52,18 @@ def compare(record: Record, model: Model, *, window: float = 20.0) -> Comparison
             of that one.
 
     Raises:
-        InputError: it is no model, or no plant of it has its command in the record.
+        InputError: it is no model, no plant of it has its command in the record, or the window has
+            no length.
     """
+    if not isinstance(record, Record):
+        mend = "give one record; call compare for each of several"
+        raise InputError("record", "", f"{type(record).__name__} is no record", mend)
     if not isinstance(model, Model):
         mend = "give a model, as load_model reads and identified makes it"
         raise InputError("model", "", f"{type(model).__name__} is no model", mend)
+    if not window > 0.0:
+        mend = "give seconds, more than zero"
+        raise InputError("window", "", f"{window} is no duration", mend)
     make_room()
     plants = {name: plant for name, plant in model.plants.items() if plant.spec.input in record}
     if not model.plants:
@@ -119,22 +126,31 @@ def identified(
     Args:
         grids: by the plants' names; of a plant, a fit stands for itself, without a vehicle.
         orders: for some plants, another order than the chosen one, such as `{"steering": "P1Z0"}`.
+
+    Raises:
+        InputError: a plant goes by another name or has no model of that order, or an order is given
+            for none of them.
+        KeyError: the grid has no such order.
     """
-    fits = {
-        name: grid if isinstance(grid, Fit) else grid[(orders or {}).get(name, grid.chosen)]
-        for name, grid in grids.items()
-    }
-    plants = {name: _plant(fit) for name, fit in fits.items() if fit.model is not None}
+    orders, plants = orders or {}, {}
+    for name in orders.keys() - grids.keys():
+        raise InputError("orders", name, "no such plant was identified", nearest(name, grids))
+    for name, grid in grids.items():
+        fit = grid if isinstance(grid, Fit) else grid[orders.get(name, grid.chosen)]
+        if name != fit.plant.name:
+            problem, mend = f"is the plant {fit.plant.name}", f"give it as {fit.plant.name!r}"
+            raise InputError("grids", name, problem, mend)
+        plants[name] = _plant(fit)
     vehicles = [grid.record.vehicle for grid in grids.values() if isinstance(grid, OrderGrid)]
     return Model(plants, vehicles[0] if vehicles else None)
 
 
 def _plant(fit: Fit) -> Plant:
     """What is simulated: of an identified acceleration, the speed that makes it."""
-    assert fit.model is not None
+    model = model_of(fit)
     if measures_acceleration(fit.plant):
         return Plant(replace(fit.plant, output="v"), speed_response(fit).model)
-    return Plant(fit.plant, fit.model)
+    return Plant(fit.plant, model)
 
 
 def _score(

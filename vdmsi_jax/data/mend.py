@@ -223,6 +223,7 @@ def mend_missing(rows: Rows, config: Config, gap: float) -> None:
     """Refuse, cut or fill cells that are empty or not finite, as `[prepare] missing` says."""
     raw, policy = rows.raw, config.prepare.missing
     lost, without = np.zeros(rows.index.size, dtype=bool), []
+    filled_up_to = set()  # s, of holes
     for name, values in raw.channels.items():
         bad = ~np.isfinite(values[rows.index])
         if not bad.any():
@@ -242,6 +243,8 @@ def mend_missing(rows: Rows, config: Config, gap: float) -> None:
             held = policy == "hold" or is_held(name, config)
             own = gap if config.prepare.gap else max(gap, USUAL_GAP * _spacing(rows, ~bad))
             stay = _fill(rows, name, bad, held, own)
+            if stay.any():
+                filled_up_to.add(f"{own:.3g} s")
             filled = bad & ~stay
             if filled.any():
                 how = "held" if held else "interpolated"
@@ -255,9 +258,11 @@ def mend_missing(rows: Rows, config: Config, gap: float) -> None:
             lost |= bad
     if without:
         k = int(np.flatnonzero(lost)[0])
+        spans = " and ".join(sorted(filled_up_to))
         rows.told.append(
             f"cut out {counted(lost, 'row')} without {' or '.join(without)}, the first "
             f"{moment(rows.t, k)}"
+            + (f"; holes of up to {spans} are filled in, as [prepare] gap says" if spans else "")
         )
         rows.cut(lost, gap=True)
 

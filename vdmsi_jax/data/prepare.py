@@ -99,7 +99,7 @@ def _refuse_degrees(source: str, place: str, name: str, angles: np.ndarray, conf
     """Refuse angles that no road wheel has."""
     usual = float(np.nanquantile(np.abs(angles), 0.99)) if np.isfinite(angles).any() else 0.0
     if usual > _WIDEST:
-        problem = f"a steering angle of {usual:.3g} rad turns wheels beyond across"
+        problem = f"a steering angle of {usual:.3g} rad is more than a road wheel turns"
         degrees = f'say so if it is in degrees, [units] {name} = "deg"; '
         wheel = (
             f"make a steering wheel's angle, [columns] wheel = ..., that of the road wheels: "

@@ -6,6 +6,7 @@ read before it fills the memory, turn units into SI, and hand the table to `prep
 evenly sampled segments of it.
 """
 
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -125,6 +126,9 @@ def read_logs(paths: Sequence[Log], config: str | Path | Config | None = None) -
     """
     if not paths:
         raise InputError("logs", "", "no log is given", "give at least one file")
+    if isinstance(paths, str | Path):
+        mend = "give a list of files, or take read_log"
+        raise InputError(str(paths), "", "is a single log", mend)
     _refuse_topics(paths, config)
     records = _in_step([read_log(path, config) for path in paths], paths, config)
     folders = [
@@ -237,6 +241,9 @@ def config_of(path: Log, config: str | Path | Config | None = None) -> Config:
             raise InputError(str(path), "", "is no file", "name a log")
         candidates = (path.with_suffix(".toml"), *(path.parent / name for name in _CONFIG_NAMES))
         config = next((candidate for candidate in candidates if candidate.is_file()), None)
+    if not isinstance(config, str | os.PathLike | None):
+        mend = "give a TOML file, or Config(...) with these values"
+        raise InputError("config", "", f"{type(config).__name__} is no configuration", mend)
     return load_config(config)
 
 

@@ -12,9 +12,10 @@ from jaxtyping import Bool, Float
 
 from ..config import PlantSpec, VehicleGeometry, canonical_of, plants_among
 from ..errors import InputError, nearest
+from ..geometry import refuse_no_geometry
 from ..units import si_symbol
+from .arrays import as_channels, as_period
 from .lattice import lattice_step
-from .magnitude import refuse_absurd
 from .noise import white_noise_std
 from .segment import Segment, split_blocks, split_runs
 
@@ -117,7 +118,7 @@ class Record:
         name: str = "record",
         t0: float = 0.0,
         vehicle: VehicleGeometry | None = None,
-        plants: Sequence[PlantSpec] = (),
+        plants: PlantSpec | Sequence[PlantSpec] = (),
         units: Mapping[str, str] | None = None,
         **channels,
     ) -> "Record":
@@ -129,61 +130,42 @@ class Record:
             name: what to call it.
             t0: time of the first sample, s.
             vehicle: geometry, if it is a vehicle's log.
-            plants: which channel answers to which; the paper's two actuators as far as their
-                channels are there, if empty.
+            plants: which channel answers to which, one or several; the paper's two actuators as
+                far as their channels are there, if empty.
             units: SI units of channels that are not canonical, for labels only.
             **channels: name -> (N,) samples.
 
         Raises:
             InputError: no channel or sample, a channel that is not one-dimensional or not finite,
-                or lengths that differ.
+                lengths that differ, a plant without its channels, or a vehicle that is no geometry.
         """
-        if not (np.isfinite(dt) and dt > 0.0):
-            raise InputError(
-                name, "dt", f"{dt} is no sample period", "give seconds, more than zero"
-            )
+        period = as_period(name, dt)
         if "t" in channels:
             mend = "give dt and t0 instead, or a mapping with t and arrays to read_log"
             raise InputError(name, "t", "time is no channel", mend)
-        arrays = {key: np.asarray(values, dtype=np.float64) for key, values in channels.items()}
-        if not arrays:
-            raise InputError(
-                name, "channels", "there are none", "give arrays by name, such as v_cmd=..., v=..."
-            )
-        n = next(iter(arrays.values())).size
-        for key, values in arrays.items():
-            if values.ndim != 1:
-                raise InputError(
-                    name, key, f"has the shape {values.shape}", "give a one-dimensional array"
-                )
-            if values.size != n:
-                first = next(iter(arrays))
-                raise InputError(
-                    name, key, f"has {values.size} samples, {first} has {n}", "give equal lengths"
-                )
-            if not np.isfinite(values).all():
-                bad = int(np.flatnonzero(~np.isfinite(values))[0])
-                raise InputError(
-                    name,
-                    f"{key}, sample {bad}",
-                    f"{values[bad]} is not finite",
-                    "repair it, or cut it out, as read_log does of a mapping with t and arrays",
-                )
-            refuse_absurd(name, key, values)
-        if n < 2:
-            raise InputError(name, "channels", f"there are {n} samples", "give at least two")
-        fitting = tuple(plants) or plants_among(arrays)
+        refuse_no_geometry(vehicle, name)
+        arrays = as_channels(name, channels)
+        given = (plants,) if isinstance(plants, PlantSpec) else tuple(plants)
+        for channel in (channel for plant in given for channel in plant.channels):
+            if channel not in arrays:
+                problem = "there is no such channel, which a plant has"
+                raise InputError(name, f"channel {channel}", problem, nearest(channel, arrays))
+        fitting = given or plants_among(arrays)
         canonical = canonical_of(fitting, vehicle)
         si = {
             key: si_symbol(canonical[key]) if key in canonical else (units or {}).get(key, "1")
             for key in arrays
         }
-        time = t0 + dt * np.arange(n)
-        return cls(name, float(dt), time, arrays, si, (Segment(0, n, name),), (), vehicle, fitting)
+        n = next(iter(arrays.values())).size
+        time = t0 + period * np.arange(n)
+        return cls(name, period, time, arrays, si, (Segment(0, n, name),), (), vehicle, fitting)
 
     def __getitem__(self, channel: str) -> Float[np.ndarray, " N"]:
         """The samples of a channel (`t` included). Raises InputError with the nearest name if there
         is none."""
+        if not isinstance(channel, str):
+            mend = "give a channel's name; record.between(t0, t1) is a part of the record"
+            raise InputError(self.source, f"channel {channel}", "is no name", mend)
         if channel == "t":
             return self.t
         try:
@@ -234,6 +216,9 @@ class Record:
 
     def plant(self, name: str) -> PlantSpec:
         """The plant of that name. Raises InputError with the nearest name if there is none."""
+        if not isinstance(name, str):
+            mend = 'give its name, such as "steering", or PlantSpec(name, input, output)'
+            raise InputError(self.source, f"plant {name!r}", "is no plant's name", mend)
         for plant in self.plants:
             if plant.name == name:
                 return plant
@@ -353,13 +338,16 @@ class Record:
             The training record and the held-out record.
 
         Raises:
-            InputError: the share is out of range, there is only one run, or the segments are too
-                short to hold out blocks.
+            InputError: the share is out of range, `by` is neither, there is only one run, or the
+                segments are too short to hold out blocks.
         """
         if not 0.0 < held_out < 1.0:
             raise InputError(
                 self.source, "held_out", f"{held_out} is no share", "give a number between 0 and 1"
             )
+        if by not in ("blocks", "run"):
+            mend = nearest(str(by), ("blocks", "run"))
+            raise InputError(self.source, "by", f"unknown value {by!r}", mend)
         if by == "run":
             seen, hidden = split_runs(self.segments, held_out, self.source)
         else:
@@ -420,6 +408,21 @@ class Record:
             steps={k: own for k, own in first.steps.items() if k in common},
             file="" if name else first.file,
         )
+
+
+def records_of(given: Record | Iterable[Record]) -> list[Record]:
+    """One record or several, as a list.
+
+    Raises:
+        InputError: one of them is no record, as the path of a log is.
+    """
+    alone = isinstance(given, Record | str) or not isinstance(given, Iterable)
+    several: list[Any] = [given] if alone else list(given)
+    for one in several:
+        if not isinstance(one, Record):
+            mend = "give records, as read_log and read_logs make them"
+            raise InputError("records", "", f"{type(one).__name__} is no record", mend)
+    return several
 
 
 def _labels(records: Sequence[Record]) -> list[str]:

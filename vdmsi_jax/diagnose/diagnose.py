@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import replace
-from pathlib import Path
 
 import jax
 import numpy as np
@@ -12,10 +11,11 @@ import numpy as np
 from ..config import PlantSpec, VehicleGeometry, canonical_of
 from ..data import check_excitation, uncommanded
 from ..data.outliers import without_outliers
-from ..data.record import Record
+from ..data.record import Record, records_of
 from ..data.session import in_session
 from ..data.slow_sensors import between_their_samples
 from ..errors import InputError
+from ..geometry import refuse_no_geometry
 from ..programs import make_room
 from ..threads import AT_ONCE, one_for_blas
 from .actuator.stage import Stage
@@ -77,8 +77,7 @@ def _diagnose(
     noise: Mapping[str, KnownNoise],
     told: Callable[[str], None] | None,
 ) -> Diagnosis:
-    several = [records] if isinstance(records, Record | str | Path) else list(records)
-    several, copies = _once(_alike(several, vehicle))
+    several, copies = _once(_alike(records_of(records), vehicle))
     several, alone = _among_their_like(several)
     several, slow = _at_their_rate(several)
     several, dead = _alive(several)
@@ -125,6 +124,10 @@ def _looked_into(
     for channel in set(noise) - set(outputs):
         problem = f"noise of {channel}, which is the response of no plant"
         raise InputError("noise", channel, problem, f"give it for {' or '.join(outputs)}")
+    for channel, known in noise.items():
+        if not isinstance(known, KnownNoise):
+            mend = "give KnownNoise.reference(samples, dt)"
+            raise InputError("noise", channel, f"{known!r} is no KnownNoise", mend)
     runs = lay_out(several)
     evidence = _evidence(several, runs, plants, noise, say)
     found, searches = evidence.diagnosis(), evidence.searches.values()
@@ -213,10 +216,7 @@ def _evidence(
 def _alike(records: list[Record], vehicle: VehicleGeometry | None) -> list[Record]:
     if not records:
         raise InputError("records", "", "there is no record to diagnose", "give at least one")
-    wrong = next((record for record in records if not isinstance(record, Record)), None)
-    if wrong is not None:
-        mend = "give records, as read_log and read_logs make them"
-        raise InputError("records", "", f"{type(wrong).__name__} is no record", mend)
+    refuse_no_geometry(vehicle, "diagnose")
     first = records[0]
     told = next((record for record in records if record.vehicle is not None), None)
     if told is not None:
@@ -276,10 +276,11 @@ def _alive(records: list[Record]) -> tuple[list[Record], list[str]]:
     """The records without the yaw rate or the pose of a sensor that never moved, which would be
     blamed on the vehicle, and what is left out."""
     told, gone = [], set[str]()
+    responses = {plant.output for plant in plants_of(records)}  # `y` may be one
     for sensor in (("r",), ("x", "y", "psi")):
-        known = [[record[c] for c in sensor if c in record] for record in records]
+        known = [[r[c] for c in sensor if c in r and c not in responses] for r in records]
         if any(known) and all(np.ptp(x) == 0.0 for own in known for x in own):
-            gone |= set(sensor)
+            gone |= set(sensor) - responses
             said = " and ".join(sensor)
             never = "never changes" if len(sensor) == 1 else "never change"
             told.append(f"{said} {never}, as of a sensor that is dead: left out.")

@@ -14,6 +14,7 @@ discrete operators that are exact there. A vehicle has the ports `speed`, `angle
 
 import abc
 import dataclasses
+from collections.abc import Iterable
 from typing import Any, ClassVar, TypeVar
 
 import equinox as eqx
@@ -22,6 +23,7 @@ from jax import lax
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
+from vdmsi_jax.errors import refuse_unknown_words
 from vdmsi_jax.parameters import described, parameters
 from vdmsi_jax.shown import shown
 
@@ -205,6 +207,7 @@ class AbstractEffect(eqx.Module):
         return shown(self)
 
     def __check_init__(self):
+        refuse_unknown_words(self)
         for name, known in parameters(self).items():
             size = getattr(self, name)
             if known.shown == "inverse" and not isinstance(size, Tracer) and jnp.any(size < 0.0):
@@ -313,6 +316,11 @@ class AbstractEffect(eqx.Module):
         """Curvature at instants that follow each other by `h` seconds (one number, or one for each
         instant: the time since the one before), with a memory of the way."""
         return kappa
+
+
+def several(effects: AbstractEffect | Iterable[AbstractEffect]) -> tuple[AbstractEffect, ...]:
+    """Effects as a tuple; one may stand alone."""
+    return (effects,) if isinstance(effects, AbstractEffect) else tuple(effects)
 
 
 def late(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from vdmsi_jax.config import IdentifyOptions, PlantSpec
 from vdmsi_jax.data import check_excitation
-from vdmsi_jax.data.record import Record
+from vdmsi_jax.data.record import Record, records_of
 from vdmsi_jax.errors import InputError
 from vdmsi_jax.identify.most_moved import most_moved
 from vdmsi_jax.identify.orders import order_grid
@@ -52,13 +52,13 @@ def identify(
     Nothing is held out, with a warning, where the rest would show no change of the command, and
     with a `note` where nobody asked for it and the log is too short.
     """
-    several = [records] if isinstance(records, Record) else list(records)
+    several = records_of(records)
     record = several[0] if len(several) == 1 else Record.concatenate(several)
     asked = options is not None or "held_out" in overrides
     if options is None:
         options = IdentifyOptions(split="run" if len(record.runs) >= 3 else "blocks")
     for name in overrides.keys() & {"poles", "zeros"}:
-        if isinstance(overrides[name], int):
+        if np.ndim(overrides[name]) == 0:
             overrides[name] = (overrides[name],)
     options = replace(options, **overrides)
     spec = plant if isinstance(plant, PlantSpec) else record.plant(plant)

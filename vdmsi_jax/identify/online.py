@@ -9,7 +9,6 @@ converges to is the offline fit.
 """
 
 from dataclasses import dataclass
-from statistics import NormalDist
 
 import equinox as eqx
 import jax
@@ -22,6 +21,7 @@ from vdmsi_jax.config import PlantSpec
 from vdmsi_jax.data.noise import white_noise_std
 from vdmsi_jax.data.record import Record
 from vdmsi_jax.errors import InputError
+from vdmsi_jax.identify.result import Fit, model_of, place_of, z_of
 from vdmsi_jax.models.linear_plant import delayed
 from vdmsi_jax.models.state_space import StateSpace
 from vdmsi_jax.models.transfer_function import TransferFunction
@@ -92,14 +92,16 @@ class Tracking:
 
     def value(self, name: str) -> Float[np.ndarray, " N"]:
         """Estimates of one coefficient over the drive."""
-        return self.parameters[:, self.names.index(name)]
+        return self.parameters[:, place_of(name, self.names, "Tracking")]
 
     def interval(
         self, name: str, level: float = 0.95
     ) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " N"]]:
-        """Two-sided confidence interval of one coefficient over the drive."""
-        half = NormalDist().inv_cdf(0.5 + level / 2) * self.std[:, self.names.index(name)]
-        return self.value(name) - half, self.value(name) + half
+        """Two-sided confidence interval of one coefficient over the drive. Raises InputError if
+        there is no such coefficient, or if `level` lies outside 0 to 1."""
+        value = self.value(name)
+        half = z_of(level) * self.std[:, self.names.index(name)]
+        return value - half, value + half
 
     def dc_gain(self) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " N"]]:
         """Static gain `b0 / a0` over the drive and its standard deviation (by its gradient)."""
@@ -123,7 +125,7 @@ class Tracking:
 def identify_online(
     record: Record,
     plant: str | PlantSpec,
-    start: TransferFunction,
+    start: TransferFunction | Fit,
     *,
     forgetting: Forgetting | None = None,
     noise_std: float | None = None,
@@ -145,9 +147,10 @@ def identify_online(
             the first samples if not given. It is refined on the way.
 
     Raises:
-        InputError: the record has gaps, or lacks a channel.
+        InputError: the record has gaps, or lacks a channel, or the fit to start from has no model.
         ValueError: `start` is not stable.
     """
+    start = model_of(start) if isinstance(start, Fit) else start
     spec = plant if isinstance(plant, PlantSpec) else record.plant(plant)
     if len(record.segments) != 1:
         problem = f"has {len(record.segments)} segments, and a recursion cannot cross a gap"

@@ -1,7 +1,7 @@
 """What an identification returns: one `Fit` per order, and the `OrderGrid` of all of them."""
 
 import importlib
-from collections.abc import Iterator, KeysView, Mapping
+from collections.abc import Iterator, KeysView, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from statistics import NormalDist
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from vdmsi_jax.config import PlantSpec
 from vdmsi_jax.data.record import Record
+from vdmsi_jax.errors import InputError, nearest
 from vdmsi_jax.models.transfer_function import TransferFunction
 
 Floats = NDArray[np.float64]
@@ -108,20 +109,48 @@ class Fit:
         return dict(zip(self.parameter_names, deviation.tolist(), strict=True))
 
     def value(self, name: str) -> float:
-        """The estimate of the parameter `name`."""
-        return float(self.parameters[self.parameter_names.index(name)])
+        """The estimate of the parameter `name`. Raises InputError with the nearest name if there is
+        none."""
+        model_of(self)
+        source = f"{self.order} of {self.plant.name}"
+        return float(self.parameters[place_of(name, self.parameter_names, source)])
 
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
         """Two-sided confidence interval of the parameter `name` (asymptotic normal); that of a
-        delay ends at its bound, zero."""
-        half = NormalDist().inv_cdf(0.5 + level / 2) * self.std[name]
-        low, high = self.value(name) - half, self.value(name) + half
+        delay ends at its bound, zero. Raises InputError of the name, as `value`, and of a `level`
+        outside 0 to 1."""
+        value, half = self.value(name), z_of(level) * self.std[name]
+        low, high = value - half, value + half
         return max(low, 0.0) if name == "delay" else low, high
+
+
+def model_of(fit: Fit) -> TransferFunction:
+    """The model of a fit. Raises InputError, with the reason, where there is none."""
+    if fit.model is None:
+        mend = "choose an order that has a model"
+        raise InputError(fit.plant.name, fit.order, fit.status, mend)
+    return fit.model
+
+
+def place_of(name: str, names: Sequence[str], source: str) -> int:
+    """The place of a parameter among those of `source`. Raises InputError if it has none."""
+    if name not in names:
+        raise InputError(source, name, "there is no such parameter", nearest(str(name), names))
+    return names.index(name)
+
+
+def z_of(level: float) -> float:
+    """Standard deviations from the middle to either end of a normal interval. Raises InputError
+    unless `level` lies between 0 and 1."""
+    if not 0.0 < level < 1.0:
+        raise InputError("interval", "level", f"{level} is no share", "give 0.95 for 95 %")
+    return NormalDist().inv_cdf(0.5 + level / 2)
 
 
 @dataclass(frozen=True)
 class OrderGrid:
-    """All orders fitted to one plant: `grid["P2Z1"]`, `grid.best`, `grid.table()`.
+    """All orders fitted to one plant: `grid["P2Z1"]`, `grid.best`, `grid.table()`; iterating over
+    it gives the orders.
 
     `held_out` `(n,)` tells the samples of `record` that gave the held-out scores. `chosen` is the
     paper's rule: the smallest order (poles + zeros, then poles) whose FIT is within `fit_loss`
@@ -141,7 +170,8 @@ class OrderGrid:
     def __repr__(self) -> str:
         fitted = sum(fit.ok for fit in self.fits.values())
         best = f"{self.chosen} (FIT {self.best.fit:.2f} %), by BIC {self.chosen_by_bic}"
-        return f"<OrderGrid of {self.plant.name}: {fitted} orders fitted, chosen {best}>"
+        many = "1 order" if fitted == 1 else f"{fitted} orders"
+        return f"<OrderGrid of {self.plant.name}: {many} fitted, chosen {best}>"
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.fits)
@@ -161,7 +191,7 @@ class OrderGrid:
 
     def __getitem__(self, order: str) -> Fit:
         if order not in self.fits:
-            raise KeyError(f"{order!r} is not in the grid; it has {', '.join(self.fits)}")
+            raise KeyError(f"{order!r} is not in the grid; {nearest(str(order), self.fits)}")
         return self.fits[order]
 
     @property

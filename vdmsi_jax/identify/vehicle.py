@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 from vdmsi_jax.config import IdentifyOptions, PlantSpec
 from vdmsi_jax.data import check_excitation
-from vdmsi_jax.data.record import Record
+from vdmsi_jax.data.record import Record, records_of
 from vdmsi_jax.errors import InputError
 from vdmsi_jax.identify.identify import identify
 from vdmsi_jax.identify.result import OrderGrid
@@ -25,8 +25,7 @@ def identify_vehicle(
 
     **Raises:** `InputError` if nothing can be identified.
     """
-    several = [records] if isinstance(records, Record) else list(records)
-    return identified_and_refused(several, options=options)[0]
+    return identified_and_refused(records_of(records), options=options)[0]
 
 
 def identified_and_refused(

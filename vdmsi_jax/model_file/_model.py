@@ -98,6 +98,9 @@ class Model:
         """
         if self.vehicle is None:
             mend = "describe the vehicle in [vehicle] of the configuration and identify again"
+            if self.plants and all(plant.spec.role == "plant" for plant in self.plants.values()):
+                name = next(iter(self.plants))
+                mend = f'of a plant alone take model.plants["{name}"].model.simulate(u, dt).y'
             raise InputError("model", "vehicle", "has no geometry, so it has no path", mend)
         powertrain, steering = self.plant("v_cmd", "v"), self.plant("delta_cmd", "delta")
         powertrain, steering = (
@@ -160,7 +163,11 @@ def save_model(path: str | Path, model: Model) -> Path:
     Raises:
         ValueError: an effect is none of the project's, or effects do not stand in the order of the
             registry, in which they would be read.
+        InputError: it is no model, or the folder is not there.
     """
+    if not isinstance(model, Model):
+        problem = f"{type(model).__name__} is no model"
+        raise InputError("model", "", problem, "give the path first: save_model(path, model)")
     document: dict[str, Any] = {
         "schema": MODEL,
         "plants": {name: _plant_document(plant) for name, plant in model.plants.items()},

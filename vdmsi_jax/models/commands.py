@@ -6,6 +6,7 @@ from jaxtyping import Array, Float
 
 from vdmsi_jax.data.record import Record
 from vdmsi_jax.errors import InputError
+from vdmsi_jax.models.plant import refuse_no_period
 
 
 class Commands(eqx.Module):
@@ -19,6 +20,9 @@ class Commands(eqx.Module):
         since: time of the first row since the run began, s, for what changes as a run goes on.
         way: travelled since the run began at the first row, m, likewise.
         session: time of the session at which the run began, s, as `Record.session`.
+
+    Raises ValueError where the commands differ in shape or have fewer than two rows, or where `dt`
+    is not more than zero.
     """
 
     v_cmd: Float[Array, "*batch N"] = eqx.field(converter=jnp.asarray)
@@ -35,6 +39,7 @@ class Commands(eqx.Module):
                 "v_cmd and delta_cmd need one shape with at least two rows; "
                 f"got {self.v_cmd.shape} and {self.delta_cmd.shape}"
             )
+        refuse_no_period(self.dt)
 
     @staticmethod
     def of(record: Record) -> "Commands":

@@ -10,7 +10,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-from vdmsi_jax.effects.base import AbstractEffect, Effort, Signals, late
+from vdmsi_jax.effects.base import BODY, AbstractEffect, Effort, Signals, late, several
 from vdmsi_jax.models.linear_plant import LinearPlant
 from vdmsi_jax.models.observer_form import ahead_of, led, ramp_lag, slowness_of, steps_of
 from vdmsi_jax.models.plant import AbstractPlant, AbstractTrace, PlantResponse
@@ -62,12 +62,13 @@ class ExtendedPlant(AbstractPlant):
     Use it for a cause that a diagnosis found, or to try one out; without effects it is the transfer
     function itself, only slower. It is not linear in general, so `simulate` takes it by
     `Quadrature`. The port `sensor` of its effects plays no part: what a sensor adds does not move
-    the vehicle.
+    the vehicle. Effects of body and road are refused (ValueError): a `Vehicle` takes them.
 
     Attributes:
         plant: the linear part. Its delay acts on the command before the effects at the port `held`,
             exactly where it is a multiple of a sub-step; its offset acts last.
-        effects: in the order in which they act, that of `vdmsi_jax.effects.ACTUATOR`.
+        effects: one or several, in the order in which they act, that of
+            `vdmsi_jax.effects.ACTUATOR`.
         leads: see `Signals.leads`, s and s^2.
         substeps: steps a row, for effects with memory.
         told: what the other actuator and the speed do, a value each row; its `slowness`, `leads`,
@@ -76,7 +77,7 @@ class ExtendedPlant(AbstractPlant):
     """
 
     plant: TransferFunction
-    effects: tuple[AbstractEffect, ...] = eqx.field(converter=tuple)
+    effects: tuple[AbstractEffect, ...] = eqx.field(converter=several)
     leads: Float[Array, "2"] = eqx.field(converter=_floats, default=(0.0, 0.0))
     substeps: int = eqx.field(static=True, default=4)
     told: Signals | None = None
@@ -84,6 +85,10 @@ class ExtendedPlant(AbstractPlant):
     def __check_init__(self):
         if self.substeps < 1:
             raise ValueError(f"give at least one sub-step a row, not {self.substeps}")
+        for effect in self.effects:
+            if frozenset() < effect.ports <= BODY:
+                problem = f"{type(effect).__name__} acts on no actuator"
+                raise ValueError(f"{problem}; give it to the effects of a Vehicle")
 
     def hearing(self, told: Signals | None) -> "ExtendedPlant":
         """The same plant, told what goes on around it."""

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
 from vdmsi_jax.shown import shown
@@ -27,6 +29,16 @@ class PlantResponse(eqx.Module):
     y: Float[Array, " N"]
     dy: Float[Array, " N"]
     x_end: Float[Array, " n"] | None
+
+
+def refuse_no_period(dt: Float[ArrayLike, "*batch"]) -> None:
+    """Refuse a sample period that is not more than zero, where its value is known.
+
+    Raises:
+        ValueError: time would stand still or go backward.
+    """
+    if not isinstance(dt, Tracer) and not np.all(np.asarray(dt) > 0.0):
+        raise ValueError(f"dt = {dt} is no sample period; give seconds, more than zero")
 
 
 class AbstractTrace(eqx.Module):
@@ -95,7 +107,11 @@ class AbstractPlant(eqx.Module):
 
         Returns:
             The response `y` and its rate `dy`, both `(N,)`, and the state `x_end` at the end.
+
+        Raises:
+            ValueError: the sample period is not more than zero.
         """
+        refuse_no_period(dt)
         return _rows(self, jnp.asarray(u, float), jnp.asarray(dt, float), x0)
 
 

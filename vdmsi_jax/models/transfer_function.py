@@ -33,7 +33,8 @@ class TransferFunction(AbstractPlant):
     Attributes:
         num: numerator, descending powers of s, at most as long as `den`.
         den: denominator, descending powers of s, the first coefficient being 1.
-        delay: transport delay in s; `None` means that there is none, statically.
+        delay: transport delay in s; `None` means that there is none, statically. A negative one
+            looks ahead, so that a fit may cross zero.
         offset: added to the output, in its unit; `None` means that there is none.
     """
 

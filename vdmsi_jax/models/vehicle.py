@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from vdmsi_jax.effects.base import BODY, AbstractEffect
+from vdmsi_jax.effects.base import BODY, AbstractEffect, several
 from vdmsi_jax.models.bicycle import Bicycle
 from vdmsi_jax.models.following import FollowedAtOnce
 from vdmsi_jax.models.linear_plant import LinearPlant
@@ -32,8 +32,8 @@ class Vehicle(eqx.Module):
     """Commands in, motion out: VDM where the actuators follow at once, VDM-SI where they are
     identified, and the extended model where actuators, body or road have causes in them.
 
-    A pytree: differentiate it, batch it, exchange its parts with `eqx.tree_at`. VDM and VDM-SI are
-    the same class, so that comparing them is simulating twice.
+    A pytree: differentiate it, batch it, exchange its parts with `eqx.tree_at` (an actuator by
+    None, too). VDM and VDM-SI are the same class, so that comparing them is simulating twice.
 
     Attributes:
         bicycle: geometry.
@@ -42,7 +42,7 @@ class Vehicle(eqx.Module):
         speed_input: what the bicycle takes from the powertrain. The derivative is the exact one,
             C(Ax + Bu) and the jumps of a feed-through, so that the two choices differ by nothing
             but the speed at the start.
-        effects: of body and road, in the order in which they act, that of
+        effects: of body and road, one or several, in the order in which they act, that of
             `vdmsi_jax.effects.VEHICLE`. They stand between the actuators' responses, which stay
             what speed and angle sensors see, and the motion.
     """
@@ -51,7 +51,7 @@ class Vehicle(eqx.Module):
     powertrain: AbstractPlant = eqx.field(converter=_plant, default=None)
     steering: AbstractPlant = eqx.field(converter=_plant, default=None)
     speed_input: SpeedInput = eqx.field(static=True, default=SpeedInput.ACCELERATION)
-    effects: tuple[AbstractEffect, ...] = eqx.field(converter=tuple, default=())
+    effects: tuple[AbstractEffect, ...] = eqx.field(converter=several, default=())
 
     def __repr__(self) -> str:
         return shown(self)

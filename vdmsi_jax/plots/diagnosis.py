@@ -10,7 +10,7 @@ from matplotlib.figure import Figure, SubFigure
 
 from ..diagnose.answer.document import left_over, title
 from ..diagnose.answer.result import Budget, Diagnosis, Finding, Path, Response
-from ..diagnose.answer.words import disturbed, in_words, verdict
+from ..diagnose.answer.words import disturbances, in_words, verdict
 from .overlays import BASELINE, EXTENDED, best_window, draw_residuals, draw_signals, judged_run
 from .signals import NAMES, map_axes
 from .style import (
@@ -40,7 +40,7 @@ def diagnosis(d: Diagnosis) -> Figure:
     """The whole answer in one picture: the response that matters most, measured and simulated, its
     residual, the path, what each cause is worth, and who is responsible."""
     sentences = [finding.sentence for finding in d.findings]
-    sentences += [*map(left_over, d.unexplained), *map(disturbed, d.disturbances)]
+    sentences += [*map(left_over, d.unexplained), *disturbances(d)]
     said = [line for sentence in sentences for line in textwrap.wrap(sentence, 125)]
     heights = {"words": 0.35 + 0.17 * len(said)}
     if d.responses or d.paths:

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from ..compare import Comparison
 from ..data.mend import LONG_BEFORE
 from ..data.record import Record
-from ..identify.result import OrderGrid
+from ..identify.result import OrderGrid, model_of
 from .style import COLOURS, WIDTH, colour, envelope, legend_above, styled, unit_label
 
 _FAR = 1e4  # m from the origin
@@ -73,6 +73,7 @@ def fitted(grid: OrderGrid, order: str | None = None) -> Figure:
     """Command, measured response and free-run simulation of one order, the chosen one by default;
     and, over the stretches that are held out, what a fit without them predicts there."""
     fit = grid.best if order is None else grid[order]
+    model_of(fit)
     record, output, command = grid.record, grid.plant.output, grid.plant.input
     figure = Figure(figsize=(WIDTH, 3.0))
     axes = figure.subplots()

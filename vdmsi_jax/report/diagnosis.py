@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from .. import plots
 from ..diagnose.answer.document import title
 from ..diagnose.answer.result import ChannelScore, Diagnosis, Estimate, Finding, Gain, Response
-from ..diagnose.answer.words import disturbed, in_words, resting
+from ..diagnose.answer.words import disturbances, in_words, resting
 from ..plots.diagnosis import worst_paths
 from ..plots.style import pretty_unit, squared_unit
 from .identification import what_was_read
@@ -340,7 +340,7 @@ def _remains(d: Diagnosis) -> list[Block]:
         blocks.append(Table(header, rows, caption=caption, strong=range(len(rows))))
     else:
         blocks.append(Text("No significant structure is left in any channel."))
-    blocks += [Text(disturbed(left)) for left in d.disturbances]
+    blocks += [Text(said) for said in disturbances(d)]
     for response in d.responses:
         blocks.append(
             Picture(

@@ -2,6 +2,8 @@
 
 from vdmsi_jax.models.commands import Commands as Commands
 from vdmsi_jax.simulate._arcs import Arcs as Arcs
+from vdmsi_jax.simulate._given import as_commands as as_commands
+from vdmsi_jax.simulate._given import as_vehicle as as_vehicle
 from vdmsi_jax.simulate._nouns import RESULTS as RESULTS
 from vdmsi_jax.simulate._nouns import AbstractMethod as AbstractMethod
 from vdmsi_jax.simulate._nouns import Start as Start

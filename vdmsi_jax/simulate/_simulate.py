@@ -9,6 +9,7 @@ from vdmsi_jax.model_file import Model
 from vdmsi_jax.models.commands import Commands
 from vdmsi_jax.models.vehicle import Vehicle
 from vdmsi_jax.simulate._arcs import Arcs, no_arcs
+from vdmsi_jax.simulate._given import as_commands, as_vehicle, refuse_other
 from vdmsi_jax.simulate._nouns import AbstractMethod, Start, Trajectory
 from vdmsi_jax.simulate._quadrature import Quadrature
 
@@ -39,21 +40,24 @@ def simulate(
         The trajectory at the rows. A failure does not raise; it stands in its `status`.
 
     Raises:
-        ValueError: the method does not suit the vehicle.
-        TypeError: what is given as commands is none, as a track is.
+        ValueError: the method does not suit the vehicle, or the commands are those of many drives.
+        TypeError: what is given as vehicle, commands (as a track), start or method is none.
         InputError: the record has gaps or lacks a command, or the model lacks the geometry.
     """
-    if isinstance(vehicle, Model):
-        vehicle = vehicle.to_vehicle()
-    if isinstance(commands, Record):
-        commands = Commands.of(commands)
-    if not isinstance(commands, Commands):
-        given = type(commands).__name__
-        mend = "give Commands or a Record; a track has some: track.commands(bicycle, speed=...)"
-        raise TypeError(f"{given} is no record of commands; {mend}")
+    vehicle, commands = as_vehicle(vehicle), as_commands(commands)
+    start = _started(start, method)
     if method is None:
         method = Arcs() if no_arcs(vehicle) is None else Quadrature()
-    return _run(vehicle, commands, Start() if start is None else start, method)
+    return _run(vehicle, commands, start, method)
+
+
+def _started(start: Start | None, method: AbstractMethod | None) -> Start:
+    """The start, once it and the method are what they are taken for."""
+    start = Start() if start is None else start
+    refuse_other("start", start, Start, "Start(x, y, psi), or None for the origin")
+    if method is not None:
+        refuse_other("method", method, AbstractMethod, "Quadrature(), Arcs(), Solver() or None")
+    return start
 
 
 @eqx.filter_jit
@@ -61,10 +65,9 @@ def _run(vehicle: Vehicle, commands: Commands, start: Start, method: AbstractMet
     return method(vehicle, commands, start)
 
 
-@eqx.filter_jit
 def simulate_many(
-    vehicles: Vehicle,
-    commands: Commands,
+    vehicles: Vehicle | Model,
+    commands: Commands | Record,
     start: Start | None = None,
     *,
     method: AbstractMethod | None = None,
@@ -78,8 +81,8 @@ def simulate_many(
     faster than one `jax.vmap` over thousands.
 
     Args:
-        vehicles: one or K.
-        commands: one record or K, of equal length.
+        vehicles: one or K; a model is the one vehicle that it describes.
+        commands: one record or K, of equal length; a `Record` is one.
         start: one or K.
         method: as in `simulate`.
         batch_size: lanes at once; without it 50 on a CPU and 10 000 on an accelerator
@@ -90,8 +93,21 @@ def simulate_many(
 
     Raises:
         ValueError: nothing is batched, or batches differ in length.
+        TypeError, InputError: as in `simulate`, and of lists, which have to be stacked.
     """
-    parts = (vehicles, commands, Start() if start is None else start)
+    parts = as_vehicle(vehicles), as_commands(commands, many=True), _started(start, method)
+    return _run_many(*parts, method, batch_size)
+
+
+@eqx.filter_jit
+def _run_many(
+    vehicles: Vehicle,
+    commands: Commands,
+    start: Start,
+    method: AbstractMethod | None,
+    batch_size: int | None,
+) -> Trajectory:
+    parts = (vehicles, commands, start)
     arrays, static = eqx.partition(parts, eqx.is_array)
     batched = (
         jax.tree.map(lambda _: vehicles.bicycle.l_f.ndim > 0, arrays[0]),
@@ -102,6 +118,9 @@ def simulate_many(
     )
     mapped, shared = eqx.partition(arrays, batched)
     lengths = {leaf.shape[0] for leaf in jax.tree.leaves(mapped)}
+    if not lengths:
+        mend = "stack_vehicles, give K records of commands, or use simulate"
+        raise ValueError(f"nothing has a leading axis, and so no batch length; {mend}")
     if len(lengths) != 1:
         raise ValueError(f"vehicles, commands and start need one batch length; got {lengths}")
 

@@ -117,6 +117,12 @@ def _output(plant: LinearPlant, x: Array, u: Array) -> Array:
     return plant.shift(plant.system.C @ x + plant.system.D * u)
 
 
+def _controller(
+    given: diffrax.AbstractStepSizeController | None,
+) -> diffrax.AbstractStepSizeController:
+    return diffrax.PIDController(rtol=1e-10, atol=1e-10) if given is None else given
+
+
 class Solver(AbstractMethod):
     """One diffrax solve per sample, with the held commands as its arguments.
 
@@ -134,7 +140,7 @@ class Solver(AbstractMethod):
     """
 
     solver: diffrax.AbstractSolver = diffrax.Tsit5()
-    controller: diffrax.AbstractStepSizeController = diffrax.PIDController(rtol=1e-10, atol=1e-10)
+    controller: diffrax.AbstractStepSizeController = eqx.field(converter=_controller, default=None)
     adjoint: diffrax.AbstractAdjoint = diffrax.RecursiveCheckpointAdjoint()
     max_steps: int = eqx.field(static=True, default=256)
 

@@ -132,7 +132,7 @@ def summary(d: Diagnosis) -> str:
     for u in d.unexplained[:3]:
         why = f"; {u.test}" if u.test else ""
         said.append(f"Unexplained in {u.channel}: {100 * u.fraction:.1f} % of what remains{why}.")
-    said += map(disturbed, d.disturbances)
+    said += disturbances(d)
     return " ".join(said)
 
 
@@ -143,9 +143,16 @@ def resting(level: Finding) -> str:
     return f"The {level.where} rests at {number(bias.value)}{unit}, which is no cause."
 
 
-def disturbed(u: Unexplained) -> str:
-    """A steady disturbance as a sentence."""
+def disturbances(d: Diagnosis) -> list[str]:
+    """The steady disturbances of a diagnosis, a sentence each."""
+    road = any(record.vehicle is not None for record in d.records)
+    return [disturbed(u, road) for u in d.disturbances]
+
+
+def disturbed(u: Unexplained, road: bool) -> str:
+    """A steady disturbance as a sentence, of a vehicle on a road or of another plant."""
+    others = "wind or rough ground" if road else "a load from outside"
     return (
         f"{u.channel} is disturbed: {u.test} does not go with what is commanded, "
-        "as wind or rough ground would not."
+        f"as {others} would not."
     )

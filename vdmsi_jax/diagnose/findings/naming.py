@@ -284,5 +284,7 @@ def told_unit(slot: Slot, j: int, units: tuple[str, str]) -> str:
     if at == "command":
         unit = unit.replace("response", "command")
     for word, own in zip(("command", "response"), units, strict=True):
+        if own == "1":  # is nothing to divide by
+            unit = unit.replace(f"/{word}^2", "").replace(f"/{word}", "")
         unit = unit.replace(f"/{word}", f"/({own})" if "/" in own else f"/{own}").replace(word, own)
     return unit.replace("/s/s", "/s^2")
