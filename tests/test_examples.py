@@ -26,8 +26,8 @@ def test_the_example_of_what_stands_in_memory_finds_the_plant_and_leaves_its_fil
     made = {"vj": vj, "eqx": eqx}
     exec(example("README.md", "What stands in memory needs no file"), made)
     assert list(made["grid"].fits) == ["P1Z0"] and made["grid"].best.fit > 90.0
-    assert made["drives"].x.shape == (2, 500) and made["both"].bicycle.l_f.shape == (2,)
-    assert np.abs(made["alone"].delta).max() <= 0.25 + 1e-9
+    assert made["drives"].x.shape == (2, 500)
+    assert np.abs(made["driven"].delta).max() <= 0.25 + 1e-9
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"identify.json", "report.html"}
 
 

@@ -168,6 +168,7 @@ RULES = (
     "yaw_rate_from_heading",
     "speed_from_pose",
     "heading_from_path",
+    "heading_from_path_and_steering",
     "acceleration_from_speed",
 )
 """The named rules of `[derive]`; `vdmsi_jax.data.derive` holds their formulas."""

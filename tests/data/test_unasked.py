@@ -81,7 +81,8 @@ def test_logs_of_one_vehicle_are_differentiated_alike(drive, tmp_path):
 
 
 def test_a_position_beside_a_yaw_rate_tells_a_heading(drive, tmp_path):
-    """Which is no measurement, and is left alone where the log has one or nothing moves."""
+    """Which is no measurement, and is left alone where the log has one or nothing moves. Without
+    such a rate the steering angle stands for it."""
     made = np.column_stack([drive, drive[:, 3] * np.tan(drive[:, 4]) / WHEELBASE])
     names = ("t", "v_cmd", "delta_cmd", "v", "delta", "x", "y", "psi", "r")
     log, config = tmp_path / "run.csv", tmp_path / "vehicle.toml"
@@ -100,5 +101,9 @@ def test_a_position_beside_a_yaw_rate_tells_a_heading(drive, tmp_path):
     assert any("derived psi from r" in told for told in record.repairs)
     assert read_with(names).measured("psi").all()
     assert "psi" not in read_with(without, dead=["x", "y"])
-    assert "psi" not in read_with(without, dead=["r"])
-    assert "psi" not in read_with([c for c in without if c != "r"])
+    wheels = [c for c in without if c != "r"]
+    for record in (read_with(without, dead=["r"]), read_with(wheels)):
+        assert np.abs(np.angle(np.exp(1j * (record["psi"] - made[:, 7])))).max() < 0.05
+        assert not record.measured("psi").any()
+        assert any("derived psi from delta and v" in told for told in record.repairs)
+    assert "psi" not in read_with([c for c in wheels if c != "delta"])

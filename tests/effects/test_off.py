@@ -43,6 +43,7 @@ def test_these_are_all_ports():
         "shown_by",
         "weight",
         "refines",
+        "of",
         "ports",
         "remembers",
         "hides_small",

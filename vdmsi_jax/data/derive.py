@@ -18,7 +18,7 @@ from ..config import CANONICAL, POSE, Derivation, VehicleGeometry, allowed_quant
 from ..errors import InputError, nearest
 from ..units import si_symbol, unit
 from .expressions import parse
-from .heading import heading_of_path
+from .heading import BY_STEERING, heading_of_path
 from .mend import moment
 
 _LARGEST_SINE = 0.95  # of the course angle, beyond which noise and not geometry speaks
@@ -207,6 +207,18 @@ def _heading_from_path(
     return np.concatenate(parts), None
 
 
+def _heading_by_steering(
+    channels: Channels, how: Derivation, vehicle: VehicleGeometry
+) -> tuple[np.ndarray, None]:
+    x, y, v, delta = (channels.values[c] for c in ("x", "y", how.speed, how.steering))
+    r, ahead = yaw_rate_from_steering(v, delta, vehicle), vehicle.rear_to_reference
+    parts = [
+        heading_of_path(x[p], y[p], r[p], v[p], channels.dt, ahead, BY_STEERING)
+        for p in channels.pieces
+    ]
+    return np.concatenate(parts), None
+
+
 def _kept_of_circle(r: np.ndarray, dt: float, samples: int) -> np.ndarray:
     """What the parabola over so many samples leaves of the speed on a circle at a yaw rate of `r`:
     it cuts the bend short. At least a half, where it bends more than any vehicle does."""
@@ -247,6 +259,13 @@ _RULES: Mapping[str, _Rule] = {
         "angle",
         lambda how: ("x", "y", how.yaw_rate, how.speed),
         _heading_from_path,
+        reckoned=True,
+    ),
+    "heading_from_path_and_steering": _Rule(
+        "angle",
+        lambda how: ("x", "y", how.speed, how.steering),
+        _heading_by_steering,
+        needs_vehicle=True,
         reckoned=True,
     ),
     "acceleration_from_speed": _Rule(

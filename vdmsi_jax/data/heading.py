@@ -4,6 +4,9 @@ import numpy as np
 from jaxtyping import Float
 
 _ALONG = 20.0  # s, over which the path tells its course: long enough for a receiver of half a metre
+BY_STEERING = 4.0
+"""The same where wheels tell the yaw rate, which a vehicle that slips does not follow, s."""
+
 _SLOW = 0.05  # of the usual speed, or of the longest way in that time, below which a path tells no
 # course: a vehicle that stands goes the way of the noise
 _AT_ONCE = 0.5  # s, over which a speed is forward or backward
@@ -17,6 +20,7 @@ def heading_of_path(
     speed: Float[np.ndarray, " N"],
     dt: float,
     ahead: float = 0.0,
+    along: float = _ALONG,
 ) -> Float[np.ndarray, " N"]:
     """The summed yaw rate, turned so that it goes the way of the path.
 
@@ -31,6 +35,7 @@ def heading_of_path(
         dt: sample period, s.
         ahead: how far the reference point is ahead of the rear axle, m: its course makes the angle
             asin(ahead r / v) with the body where the rear does not slip.
+        along: over which the path tells its course, s.
 
     Returns:
         (N,) rad, counter-clockwise, not wrapped.
@@ -43,7 +48,7 @@ def heading_of_path(
     steady = _around(v, max(1, round(0.5 * _AT_ONCE / dt)))[:-1]
     moves = np.abs(steady) > _SLOW * np.quantile(np.abs(steady), 0.95) if n > 1 else steady
     way = np.diff(x + 1j * y) * np.where(moves, np.sign(steady), 0.0) * np.exp(-1j * slip)
-    half = max(1, round(0.5 * _ALONG / dt))
+    half = max(1, round(0.5 * along / dt))
     gone = _around(np.abs(v) * dt, half)
     tells = gone > _SLOW * gone.max()
     if not tells.any():
@@ -51,7 +56,7 @@ def heading_of_path(
     for _ in range(2):  # a bias turns what stands at one side of its window only, and is taken out
         course = _around(way * np.exp(-1j * _between(turned)), half)
         off = np.unwrap(np.angle(course[tells]))
-        slope = np.polyfit(t[tells], off, 1)[0] if np.ptp(t[tells]) > 0.5 * _ALONG else 0.0
+        slope = np.polyfit(t[tells], off, 1)[0] if np.ptp(t[tells]) > 0.5 * along else 0.0
         turned = turned + slope * t
     return turned + np.interp(t, t[tells], off - slope * t[tells])
 

@@ -54,18 +54,23 @@ def unasked(
 
 
 def _heading(channels: Channels) -> Mapping[str, Derivation]:
-    """Of a position that moves, beside a yaw rate of a sensor that lives and a speed."""
+    """Of a position that moves, beside a speed and a yaw rate of a sensor that lives, or else a
+    steering angle."""
     values = channels.values
-    if not {"x", "y", "r", "v"} <= set(values):
+    if not {"x", "y", "v"} <= set(values) or np.ptp(values["x"]) + np.ptp(values["y"]) == 0.0:
         return {}
-    x, y, r = (np.ptp(values[c]) for c in ("x", "y", "r"))
-    if r == 0.0 or x + y == 0.0:
+    if "r" in values and np.ptp(values["r"]) > 0.0:
+        by, how = "r", Derivation("heading_from_path")
+    elif "delta" in values:
+        by = "delta and v"
+        how = Derivation("heading_from_path_and_steering", steering="delta")
+    else:
         return {}
     channels.told.append(
-        "derived psi from r, turned to the course of x and y: it counts as no measurement, and a "
-        "diagnosis turns simulated paths about their start to fit; [derive] may say otherwise"
+        f"derived psi from {by}, turned to the course of x and y: it counts as no measurement, and "
+        f"a diagnosis turns simulated paths about their start to fit; [derive] may say otherwise"
     )
-    return {"psi": Derivation("heading_from_path")}
+    return {"psi": how}
 
 
 def _window(channels: Channels, measured: str, command: str, gain: float = 1.0) -> float:

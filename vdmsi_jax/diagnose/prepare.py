@@ -14,7 +14,7 @@ from ..effects import ACTUATOR, AbstractEffect, Scales, Signals
 from ..errors import InputError
 from ..models.bicycle import Bicycle
 from .actuator.stage import Stage
-from .body.body import CHANNELS, WINDOW, Body, increments
+from .body.body import CHANNELS, STANDS, WINDOW, Body, along_course, increments
 from .search.found import Search
 from .signals.angle import derived, steering_angle, yaw_rate_bias
 from .signals.held_out import driving
@@ -23,17 +23,17 @@ from .signals.runs import Runs
 from .signals.windows import moving_mean
 
 _SMOOTH = 0.1  # s, over which a signal is averaged whose plant is not known
-_FOREIGN = {
+# causes, or `kind`s of them, that some plants cannot have:
+_FOREIGN = {  # an actuator of a vehicle, by its role
     "powertrain": {"speed_dependent_gain", "cross_coupling by speed"}
     | {"cross_coupling by acceleration", "offset by travel"},
     "steering": {"drag", "road_grade", "coulomb_friction against response"}
     | {f"cross_coupling by {by}" for by in ("signed", "size", "square", "slowed", "cornering")},
 }
-_SESSION = {"gain_drift over session", "regime_change over session"}
+_SESSION = {"gain_drift over session", "regime_change over session"}  # runs of no session
 _VEHICLES_ONLY = {"cross_coupling", "speed_dependent_gain", "drag", "road_grade"}
-_BOTH_WAYS = {"offset by travel"}
-# of a vehicle's speed that is drag
-_PLANTS_ONLY = {
+_BOTH_WAYS = {"offset by travel"}  # one whose response goes one way alone
+_PLANTS_ONLY = {  # a vehicle's speed, of which these are drag
     "gain_nonlinearity by stiffness",
     "gain_nonlinearity by power",
     "gain_asymmetry by stiffness",
@@ -49,6 +49,9 @@ def kind(effect: AbstractEffect) -> str:
         n for n in ("at", "by", "over", "against") if isinstance(getattr(effect, n, None), str)
     ]
     return " ".join([effect.cause, *(f"{n} {getattr(effect, n)}" for n in forms)])
+
+
+_KINDS = {word for effect in ACTUATOR for word in (effect.cause, kind(effect))}
 
 
 def _goes_both_ways(signal: NDArray[np.float64]) -> bool:
@@ -89,6 +92,7 @@ def stage_of(runs: Runs, spec: PlantSpec, reference: KnownNoise | None = None) -
     if np.ptp(begun) == 0.0:  # there is none, or it is the run
         foreign = foreign | _SESSION
     wheres = tuple("vehicle" if e.cause == "road_grade" else spec.role for e in ACTUATOR)
+    assert foreign <= _KINDS, "a word that no effect has would bar none"
     allowed = tuple(i for i, e in enumerate(ACTUATOR) if not {e.cause, kind(e)} & foreign)
     shared = (runs.time(), v, other, runs.travelled())
     masks = seen & ~held, seen & held
@@ -207,15 +211,20 @@ def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
         x, y, psi = (runs.channel(c) for c in ("x", "y", "psi"))
         way = dict(zip(CHANNELS[1:], increments(x, y, np.unwrap(psi, axis=1), window), strict=True))
         seen, headed = runs.seen("x") & runs.seen("y") & moving, runs.seen("psi")
+        reach = window
         if headed.any():
             seen &= headed
-        else:  # it is reckoned from the yaw rate
+        elif told:  # it is reckoned from the yaw rate
             way = {"forward": way["forward"]}
-        whole = seen & np.roll(seen, -window, axis=1)
-        whole[:, -window:] = False
+        else:  # from the angle: how much the course turns is told by no heading
+            speed = runs.channel("v")
+            way, reach = along_course(x, y, speed, window), 2 * window
+            seen &= np.abs(speed) > STANDS * np.abs(speed).max()
+        whole = seen & np.roll(seen, -window, axis=1) & np.roll(seen, -reach, axis=1)
+        whole[:, -reach:] = False
         for c, values in way.items():
             measured[c] = values
-            mask[c] = whole & ~held & ~np.roll(held, -window, axis=1)
+            mask[c] = whole & ~held & ~np.roll(held, -reach, axis=1)
             held_out[c] = whole & held
     measured = {c: y for c, y in measured.items() if int(mask[c].sum()) >= FEWEST}
     mask, held_out = ({c: own[c] for c in measured} for own in (mask, held_out))
@@ -232,6 +241,7 @@ def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
         smooth["v"], smooth["delta"], v - smooth["v"], delta - smooth["delta"],
         measured, mask, held_out, bicycle, runs.dt, by_yaw_rate, repeats=repeats(runs),
         yaw_bias=yaw_rate_bias(runs) if by_yaw_rate else 0.0,
+        by_course=posed and not told and not runs.seen("psi").any(),
     )  # fmt: skip
 
 

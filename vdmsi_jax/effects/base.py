@@ -19,6 +19,7 @@ from typing import Any, ClassVar, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
@@ -210,7 +211,11 @@ class AbstractEffect(eqx.Module):
         refuse_unknown_words(self)
         for name, known in parameters(self).items():
             size = getattr(self, name)
-            if known.shown == "inverse" and not isinstance(size, Tracer) and jnp.any(size < 0.0):
+            if (
+                known.shown == "inverse"
+                and not isinstance(size, Tracer)
+                and np.any(np.asarray(size) < 0)
+            ):
                 effect = type(self).__name__
                 problem = f"{effect}: {name} is {size:g}, and an inverse limit is not negative"
                 raise ValueError(f"{problem}; {effect}.of({name}={size:g}) takes the limit itself")

@@ -111,7 +111,8 @@ class Fit:
     def value(self, name: str) -> float:
         """The estimate of the parameter `name`. Raises InputError with the nearest name if there is
         none."""
-        model_of(self)
+        if not self.parameter_names:
+            model_of(self)  # which says why there is none
         source = f"{self.order} of {self.plant.name}"
         return float(self.parameters[place_of(name, self.parameter_names, source)])
 

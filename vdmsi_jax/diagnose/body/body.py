@@ -41,7 +41,7 @@ be, in wheelbases; and side slip of the rear by lateral acceleration, rad s^2/m.
 CHANNELS = ("r", "psi", "forward", "aside")
 LANES = 8
 """Vectors that a compiled program takes."""
-_STANDS = 0.05  # of the largest speed, below which a vehicle tells nothing of its angle
+STANDS = 0.05  # of the largest speed, below which a vehicle tells nothing of its angle
 _SETTLED = 0.7  # of a channel's samples, that have all of the past that its colour sees
 
 
@@ -141,6 +141,8 @@ class Body:
         yaw_bias: of the yaw rate, rad/s, that was taken out of the angle; it is for a hypothesis to
             say it.
         refuted: numbers of the causes that failed on data held out.
+        by_course: whether neither heading nor yaw rate is known: the way is told along the course
+            then, by `along_course`.
         repeats: runs with the same commands, whose noise is that of all where both are fitted.
     """
 
@@ -158,6 +160,7 @@ class Body:
     repeats: tuple[Pair, ...] = ()
     yaw_bias: float = 0.0
     memory: float | None = None
+    by_course: bool = False
 
     def without(self, cause: int) -> "Body":
         """The same without one more cause."""
@@ -240,7 +243,7 @@ class Body:
             hidden |= {("speed_scale", None), ("sensor_bias", "v"), ("sensor_delay", "pose")}
             if self.by_yaw_rate:
                 hidden |= {("sensor_lag", "v"), ("sensor_delay", "v")}
-        if "aside" not in self.measured:
+        if "aside" not in self.measured or self.by_course:  # a course has no side
             hidden |= {("bank", None), ("sensor_bias", "psi")}
         yaw = {("sensor_lag", "r"), ("sensor_delay", "r")}
         if self.yaw_bias == 0.0:
@@ -275,7 +278,7 @@ class Body:
     def _moved(self, theta: Float[np.ndarray, "L P"], v: np.ndarray, delta: np.ndarray):
         """Yaw rates, increments and poses of no more vectors than a program takes."""
         padded = np.concatenate([theta, np.repeat(theta[:1], LANES - len(theta), axis=0)])
-        how = Static((self.by_yaw_rate, self.window))
+        how = Static((self.by_yaw_rate, self.by_course, self.window))
         told = np.asarray(self.dt), np.asarray(self.yaw_bias)
         moved = _simulate(padded, v, delta, self.bicycle, *told, how)
         return jax.tree.map(lambda x: np.asarray(x)[: len(theta)], moved)
@@ -294,13 +297,33 @@ def increments(x, y, psi, window: int, xp=np):
     return turned, c * dx + s * dy, c * dy - s * dx
 
 
+def along_course(x, y, v, window: int, xp=np):
+    """Way forward over `window` rows, and how far aside of it the next such way leads, m, of a
+    vehicle whose heading nobody knows; backwards where the speed is negative."""
+
+    def ahead(values):
+        tail = xp.repeat(values[..., -1:], window, axis=-1)
+        return xp.concatenate([values[..., window:], tail], axis=-1)
+
+    dx, dy, sign = ahead(x) - x, ahead(y) - y, xp.where(v < 0.0, -1.0, 1.0)
+    stays = (dx == 0.0) & (dy == 0.0)
+    length = xp.where(stays, 0.0, xp.hypot(xp.where(stays, 1.0, dx), dy))
+    across = (ahead(dy) * dx - ahead(dx) * dy) / xp.where(stays, 1.0, length)
+    return {"forward": sign * length, "aside": sign * across}
+
+
 @Kept
 def _simulate(theta, v, delta, bicycle: Bicycle, dt, yaw_bias, how: Static):
-    by_yaw_rate, window = how.value
+    by_yaw_rate, by_course, window = how.value
 
     def one(vector, v, delta):
         r, *pose = _motion(vector, v, delta, bicycle, dt, by_yaw_rate, yaw_bias)
-        return r, increments(*pose, window, jnp), tuple(pose)
+        x, y, psi = pose
+        way = increments(x, y, psi, window, jnp)
+        if by_course:
+            course = along_course(x, y, v, window, jnp)
+            way = way[0], course["forward"], course["aside"]
+        return r, way, (x, y, psi)
 
     over_runs = jax.vmap(one, in_axes=(None, 0, 0))
     return jax.vmap(over_runs, in_axes=(0, None, None))(theta, v, delta)
@@ -323,7 +346,7 @@ def _motion(vector, v, delta, bicycle, dt, by_yaw_rate, yaw_bias):
     for effect in effects:
         v, delta = effect.speed(v), effect.angle(delta)
     if by_yaw_rate:
-        slow = jnp.abs(v) < _STANDS * jnp.max(jnp.abs(v))
+        slow = jnp.abs(v) < STANDS * jnp.max(jnp.abs(v))
         per_speed = jnp.where(slow, 0.0, 1.0 / jnp.where(slow, 1.0, v))
         left = jnp.where(yaw_bias == 0.0, 0.0, yaw_bias - sensed["r sensor_bias"])
         unexplained = left * bicycle.wheelbase

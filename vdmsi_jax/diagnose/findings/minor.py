@@ -38,6 +38,7 @@ _FAINT = 100.0  # twice the log-likelihood, below which a cause is not sure
 _LITTLE = 0.3  # share, below which one that is so faint mends a bend beside it, or spoils the path:
 _WORSE, _MUCH_WORSE = 1.1, 2.0  # times of its error, and whatever its share: of seven exams right
 # names that do so had shares from 0.38, and as faint ones 1.1
+_ASTRAY = 3.0  # times the error of a path
 _BORNE_OUT = 4.0  # standard errors of its gain, from which on what is so faint only happens to
 # spoil one path: of twelve exams a right name that does so had 5.4, wrong ones up to 1.6
 _NOTHING = 0.5  # standard errors, below which a parameter is nothing, whatever it takes
@@ -138,7 +139,7 @@ class Weighed:
 def _takes_little(of: Weighed) -> bool:
     """Of what is left without it, or of all that no cause takes, where it is little of the rest as
     well."""
-    if of.exact:
+    if of.exact or _leads_astray(of):
         return False
     late = of.cause.cause == "transport_delay"  # which zeros tell
     nothing = of.points < _NEXT_TO_NOTHING and not late
@@ -146,6 +147,16 @@ def _takes_little(of: Weighed) -> bool:
     rest = of.share < (_TRACE_SHARE if trace else MUCH) and of.points < _POINTS
     rest = rest and (nothing or of.found.statistic < _CERTAIN)
     return of.share < MINOR or (rest and 0.0 <= of.part < MINOR and not of.leads)
+
+
+def _leads_astray(of: Weighed) -> bool:
+    """Whether without it the path errs several times as much, of a vehicle whose position alone is
+    measured: noise hides in its steps what adds up on its way."""
+    before, after = of.found.gain.ate_before, of.found.gain.ate_after
+    if before is None or after is None or of.cause.body is None:
+        return False
+    astray = of.found.statistic > _FAINT and before > _ASTRAY * after
+    return astray and not of.weighing.runs.seen("psi").any()
 
 
 def _differs(of: Weighed) -> bool:

@@ -82,7 +82,7 @@ def jumps_of_pose(begins: tuple[tuple[str, float], ...], found: BodySearch) -> l
 def _of_compass(runs: Runs, found: BodySearch) -> list[Unexplained]:
     """What goes with the heading in the way aside."""
     body = found.body
-    if "aside" not in body.measured:
+    if not {"aside", "psi"} <= body.measured.keys():
         return []
     masks = body.mask["aside"], body.held_out["aside"]
     aside = residual(body, found.final, "aside", masks[0] | masks[1])
