@@ -6,8 +6,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from ..config import STEERING_CHANNELS
 from ..errors import InputError
-from .magnitude import refuse_absurd
+from ..units import si_symbol
+from .magnitude import refuse_absurd, refuse_wide
+
+_IN_SI = "in SI, or a mapping with t and arrays to read_log, whose configuration has [units]"
 
 
 def as_channels(name: str, given: Mapping[str, Any]) -> dict[str, Float[np.ndarray, " N"]]:
@@ -54,6 +58,37 @@ def as_period(name: str, dt: Any) -> float:
         problem, mend = f"{dt!r} is no sample period", "give seconds, more than zero"
         raise InputError(name, "dt", problem, mend)
     return period
+
+
+def si_units(
+    name: str, arrays: Mapping[str, Any], canonical: Mapping[str, str], given: Mapping[str, str]
+) -> dict[str, str]:
+    """The SI unit of each channel of the record `name`.
+
+    Args:
+        name: of the record.
+        arrays: its channels.
+        canonical: what some of them measure.
+        given: units of the others; 1 if none is given.
+
+    Raises:
+        InputError: another unit is given for a canonical one.
+    """
+    si = {key: given.get(key, "1") for key in arrays}
+    si |= {key: si_symbol(quantity) for key, quantity in canonical.items() if key in arrays}
+    for key, unit in given.items():
+        if unit != si.get(key, unit):
+            raise InputError(name, f"units {key}", f"{unit} is not {si[key]}", f"give it {_IN_SI}")
+    return si
+
+
+def refuse_degrees(name: str, arrays: Mapping[str, Float[np.ndarray, " N"]]) -> None:
+    """Refuse steering angles of a vehicle that no road wheel has."""
+    for key in STEERING_CHANNELS:
+        if key in arrays:
+            refuse_wide(
+                name, f"channel {key}", arrays[key], f"give angles of the road wheel, {_IN_SI}"
+            )
 
 
 def _as_numbers(name: str, key: str, values: Any) -> np.ndarray:

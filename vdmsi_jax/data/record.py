@@ -13,8 +13,7 @@ from jaxtyping import Bool, Float
 from ..config import PlantSpec, VehicleGeometry, canonical_of, plants_among
 from ..errors import InputError, nearest
 from ..geometry import refuse_no_geometry
-from ..units import si_symbol
-from .arrays import as_channels, as_period
+from .arrays import as_channels, as_period, refuse_degrees, si_units
 from .lattice import lattice_step
 from .noise import white_noise_std
 from .segment import Segment, split_blocks, split_runs
@@ -137,7 +136,8 @@ class Record:
 
         Raises:
             InputError: no channel or sample, a channel that is not one-dimensional or not finite,
-                lengths that differ, a plant without its channels, or a vehicle that is no geometry.
+                lengths that differ, a plant without its channels, a vehicle that is no geometry,
+                a canonical channel in another unit, or steering angles that no road wheel has.
         """
         period = as_period(name, dt)
         if "t" in channels:
@@ -151,11 +151,9 @@ class Record:
                 problem = "there is no such channel, which a plant has"
                 raise InputError(name, f"channel {channel}", problem, nearest(channel, arrays))
         fitting = given or plants_among(arrays)
-        canonical = canonical_of(fitting, vehicle)
-        si = {
-            key: si_symbol(canonical[key]) if key in canonical else (units or {}).get(key, "1")
-            for key in arrays
-        }
+        si = si_units(name, arrays, canonical_of(fitting, vehicle), units or {})
+        if vehicle is not None:
+            refuse_degrees(name, arrays)
         n = next(iter(arrays.values())).size
         time = t0 + period * np.arange(n)
         return cls(name, period, time, arrays, si, (Segment(0, n, name),), (), vehicle, fitting)
