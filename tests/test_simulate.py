@@ -218,6 +218,7 @@ def test_commands_of_many_drives_are_for_simulate_many(unchecked):
 def test_none_is_followed_at_once_however_it_came_there():
     drive = commands(rows=9)
     without = eqx.tree_at(lambda v: v.steering, VEHICLES["VDM-SI"], None)
+    assert stack_vehicles([without, without]).bicycle.l_f.shape == (2,)
     path = simulate(without, drive)
     assert largest_difference(path, simulate(Vehicle(BICYCLE, POWERTRAIN), drive)) == 0.0
 

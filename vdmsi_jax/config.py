@@ -182,7 +182,8 @@ class Derivation:
         rule: one of `RULES`. A bare text in the file means this.
         expression: arithmetic over channels in SI, such as `kappa_cmd * v`; needs `unit`.
         unit: the unit of the expression's value.
-        speed, steering, yaw_rate: the channels that a rule takes as such.
+        speed, steering, yaw_rate: the channels that a rule takes as such. Where no steering is
+            given, a yaw rate follows from `delta_cmd`, a heading from `delta`.
         min_speed: m/s, below which a steering angle cannot be told from the yaw rate and is filled
             in.
         window: s, length of the local parabola that differentiates a measurement; 5 samples if not
@@ -195,7 +196,7 @@ class Derivation:
     expression: str | None = None
     unit: str | None = None
     speed: str = "v"
-    steering: str = "delta_cmd"
+    steering: str | None = None
     yaw_rate: str = "r"
     min_speed: float = 0.3
     window: float | None = None

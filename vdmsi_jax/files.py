@@ -56,8 +56,9 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
     if not path.parent.is_dir():
         problem = f"there is no folder {path.parent}"
         raise InputError(str(path), "", problem, "make it, or name another one")
-    temporary = path.parent / f".{path.name}.{secrets.token_hex(8)}"
-    handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
+    temporary = path.parent / f".{path.name}.{secrets.token_hex(4)}"
+    binary = getattr(os, "O_BINARY", 0)  # of Windows
+    handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | binary, 0o666)
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(content)

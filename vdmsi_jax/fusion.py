@@ -189,7 +189,7 @@ def _fuse(
 ) -> Fused:
     if vehicle.acts_at("relaxed"):
         raise ValueError("a filter takes no effect that remembers the way; leave it out")
-    measured, seen = jnp.asarray(measured, float), jnp.asarray(seen)
+    measured, seen = jnp.asarray(measured, float), jnp.asarray(seen, bool)
     blind = ~seen[0]
     measured = eqx.error_if(measured, blind, "the sensor has to see the first row: begin there")
     measured = jnp.where(seen[:, None], measured, 0.0)

@@ -45,7 +45,7 @@ def fit(y: Float[ArrayLike, " N"], y_hat: Float[ArrayLike, " N"]) -> Scalar:
     """FIT of eq. (3), percent: 100 is perfect, 0 no better than the mean of `y`, and there is no
     lower bound. `-inf` where `y` does not vary. Its derivative is zero where it is perfect."""
     xp, told, model = _arrays(y, y_hat)
-    still = xp.max(told) == xp.min(told)
+    still = xp.all(told == told[:1])
     spread = xp.where(still, 1.0, _root(xp.sum((told - xp.mean(told)) ** 2), xp))
     left = _root(xp.sum((told - model) ** 2), xp)
     return xp.where(still, -xp.inf, 100.0 * (1.0 - left / spread))

@@ -79,13 +79,16 @@ class Cell:
 
         head = {"schema": CELL, "key": self.key, "log": self.log.name, "plant": self.plant.name}
         try:
-            if _fingerprint(self.log, self.config, self.plant, self.options) != self.key:
+            content = _content(self.log, self.config)
+            if _fingerprint(content, self.plant, self.options) != self.key:
                 problem = "has changed since the sweep was planned, or its configuration has"
                 raise InputError(str(self.log), "", problem, "run the sweep again")
-            record = _read(self.log, self.config, _content(self.log, self.config))
+            record = _read(self.log, self.config, content)
             grid = identify(record, self.plant, options=self.options)
         except InputError as refused:
             return head | {"refused": str(refused)}
+        except OSError as why:
+            return head | {"refused": f"{self.log}: cannot be read ({why.strerror})"}
         document = head | plant_document(grid)
         write_json(self.file, document)
         return document
@@ -124,7 +127,7 @@ def plan(config: str | Path, out: str | Path) -> list[Cell]:
             if name not in plants:
                 problem = f"there is no plant {name!r}"
                 raise InputError(sweep.source, f"{place} plants", problem, nearest(name, plants))
-            key = _fingerprint(log, own.path, plants[name], options)
+            key = _fingerprint(_content(log, own.path), plants[name], options)
             file = folder / _file_name(f"{log.resolve().parent.name}.{log.stem}.{name}", key)
             if any(file == cell.file and key != cell.key for cell in cells):
                 file = file.with_name(f"{file.stem}.{key[:_MARK]}.json")
@@ -179,9 +182,9 @@ def _plants_of(log: Path, config: Config) -> tuple[PlantSpec, ...]:
         return config.plants or DEFAULT_PLANTS
 
 
-def _fingerprint(log: Path, config: Path | None, plant: PlantSpec, options: IdentifyOptions) -> str:
+def _fingerprint(content: str, plant: PlantSpec, options: IdentifyOptions) -> str:
     """Of all that a result depends on, this package's code among it."""
-    made_by = (repr(plant), repr(options), sources(), _content(log, config))
+    made_by = (repr(plant), repr(options), sources(), content)
     return hashlib.sha256(json.dumps(made_by).encode()).hexdigest()
 
 

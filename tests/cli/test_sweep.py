@@ -130,4 +130,7 @@ def test_a_log_that_changed_since_it_was_planned_is_no_old_result(tmp_path):
     planned = plan(tmp_path / "sweep.toml", tmp_path / "out")
     write_csv(log, drive() | {"v": [0.5 * x for x in drive()["v"]]})
     assert "has changed since the sweep was planned" in planned[0].finish()["refused"]
+    log.rename(tmp_path / "gone.csv")
+    assert "cannot be read" in planned[0].finish()["refused"]
+    (tmp_path / "gone.csv").rename(log)
     assert planned[0].key != plan(tmp_path / "sweep.toml", tmp_path / "out")[0].key

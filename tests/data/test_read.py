@@ -377,6 +377,8 @@ def test_a_plant_names_its_columns_by_itself(tmp_path):
         (lambda: read_logs("car_1.csv"), "car_1.csv: is a single log; give a list"),
         (lambda: read_log(None), "NoneType is no log; give a file, a mapping"),
         (lambda: read_logs([3.0]), "float is no log; give a file, a mapping"),
+        (lambda: read_logs({"t": [0.0]}), "arrays: is a single log; give a list"),
+        (lambda: read_logs(iter([])), "no log is given"),
         (lambda: read_log("car_1.csv", {"vehicle": {}}), "config: dict is no configuration; give"),
     ],
 )

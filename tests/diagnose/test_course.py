@@ -6,6 +6,8 @@ import pytest
 
 import vdmsi_jax as vj
 from vdmsi_jax.diagnose.body.body import along_course
+from vdmsi_jax.diagnose.prepare import _course
+from vdmsi_jax.diagnose.signals.runs import lay_out
 
 DT, FINE, ROWS = 0.05, 50, 1600
 L_F, L_R = 1.2, 1.4
@@ -64,7 +66,8 @@ def test_nothing_is_named_where_there_is_nothing():
 
 
 def test_the_way_along_a_course_is_that_of_a_circle_wherever_it_lies():
-    """Chords of an angle a are 2 R sin(a/2) long, and each leads sin(a) of that aside."""
+    """Both chords of an angle a are 2 R sin(a/2) long; in the frame of both together each goes on
+    by cos(a/2) of that, and the second leads 2 sin(a/2) of it further aside."""
     rows, window, radius, rate = 200, 10, 20.0, 0.4
     angle = 0.1 * rate * np.arange(rows)
     x, y = radius * np.sin(angle), radius * (1.0 - np.cos(angle))
@@ -72,12 +75,29 @@ def test_the_way_along_a_course_is_that_of_a_circle_wherever_it_lies():
     moved = np.cos(turn) * x - np.sin(turn) * y + 1e3, np.sin(turn) * x + np.cos(turn) * y - 5e2
     whole = slice(0, rows - 2 * window)
     chord = 2.0 * radius * np.sin(0.5 * step)
+    along, aside = chord * np.cos(0.5 * step), 2.0 * chord * np.sin(0.5 * step)
     for pose in ((x, y), moved):
         way = along_course(*pose, np.ones(rows), window)
-        np.testing.assert_allclose(way["forward"][whole], chord, rtol=1e-9)
-        np.testing.assert_allclose(way["aside"][whole], chord * np.sin(step), rtol=1e-8)
+        np.testing.assert_allclose(way["forward"][whole], along, rtol=1e-8)
+        np.testing.assert_allclose(way["aside"][whole], aside, rtol=1e-8)
     back = along_course(x[::-1], y[::-1], -np.ones(rows), window)
-    np.testing.assert_allclose(back["forward"][whole], -chord, rtol=1e-9)
-    np.testing.assert_allclose(back["aside"][whole], chord * np.sin(step), rtol=1e-8)
+    np.testing.assert_allclose(back["forward"][whole], -along, rtol=1e-8)
+    np.testing.assert_allclose(back["aside"][whole], aside, rtol=1e-8)
     still = along_course(0.0 * x, 0.0 * y, np.ones(rows), window)
     assert not np.any(still["forward"]) and not np.any(still["aside"])
+
+
+def test_noise_of_a_position_makes_its_ways_no_longer():
+    """Of half a second's way of five times the noise: taken as they are, they are 1 % too long."""
+    rng, rows = np.random.default_rng(0), 60_000
+    angle = DT * 0.3 * np.arange(rows)
+    pose = np.stack([10.0 * np.sin(angle), 10.0 * (1.0 - np.cos(angle))])
+    seen = pose + 0.3 * rng.standard_normal(pose.shape)
+    channels = {"v": np.full(rows, 3.0), "x": seen[0], "y": seen[1]}
+    runs = lay_out([vj.Record.from_arrays(dt=DT, **channels)])
+    window = round(0.5 / DT)
+    true = along_course(*pose, np.ones(rows), window)
+    told, clear = _course(runs, runs.channel("x"), runs.channel("y"), window)
+    for name, least in (("forward", 0.004), ("aside", 0.04)):
+        found = np.mean(told[name][clear])
+        assert found == pytest.approx(true[name][0], rel=least)

@@ -272,6 +272,8 @@ def test_a_command_that_changes_once_at_an_end_is_no_fault(step):
     found = vj.diagnose(plant_log(u, noisy))
     assert found.verdict == "no_effect"
     assert not found.unseen and not repr(found).endswith("see unseen>")
+    named = vj.diagnose(vj.Record.from_arrays(dt=0.02, u=u, y=noisy))  # which is no position
+    assert not named.unseen
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])

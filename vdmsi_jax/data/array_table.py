@@ -43,12 +43,16 @@ class ArrayTable(Table):
             raise InputError(name, "", problem, "give a file, a mapping of arrays or a data frame")
         self.path = Path(name)
         names = arrays if isinstance(arrays, Mapping) else arrays.columns
-        self._arrays = {str(name): np.asarray(arrays[name]) for name in names}
-        self.names = list(self._arrays)
-        self.rows = max((array.size for array in self._arrays.values()), default=0)
+        self._arrays, self._keys = arrays, {str(key): key for key in names}
+        self.names, self.rows = list(self._keys), 0
 
     def read(self, *, numbers: Collection[str], texts: Collection[str]) -> dict[str, np.ndarray]:
-        return equal_columns(self._arrays.__getitem__, str(self.path), numbers, texts)
+        def load(name: str) -> np.ndarray:
+            return np.asarray(self._arrays[self._keys[name]])
+
+        columns = equal_columns(load, str(self.path), numbers, texts)
+        self.rows = next(iter(columns.values())).size
+        return columns
 
     def line(self, row: int) -> str:
         return f"sample {row}"

@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import count
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +30,7 @@ from ..config import (
 from ..errors import InputError, nearest
 from ..files import in_a_file_name
 from ..units import UNITS, Unit, bracketed, si_symbol, unit
-from .array_table import Arrays, ArrayTable
+from .array_table import Arrays, ArrayTable, Frame
 from .csv_table import CsvTable
 from .derive import sharpest_curvature, steering_from_curvature
 from .expressions import Expression, parse
@@ -43,7 +44,7 @@ from .table import Table
 _CONFIG_NAMES = ("vehicle.toml",)
 
 
-Log = str | Path | Arrays
+Log = str | PathLike[str] | Arrays
 """A log: a file, or arrays by name."""
 
 _IN_MEMORY = "arrays"  # what a log without a file is called
@@ -124,15 +125,17 @@ def read_logs(paths: Sequence[Log], config: str | Path | Config | None = None) -
     Raises:
         InputError: a log or the configuration is refused, or no file is given.
     """
+    if isinstance(paths, str | PathLike | Mapping | Frame):
+        named = str(paths) if isinstance(paths, str | PathLike) else _IN_MEMORY
+        raise InputError(named, "", "is a single log", "give a list of logs, or take read_log")
+    paths = list(paths)
     if not paths:
         raise InputError("logs", "", "no log is given", "give at least one file")
-    if isinstance(paths, str | Path):
-        mend = "give a list of files, or take read_log"
-        raise InputError(str(paths), "", "is a single log", mend)
     _refuse_topics(paths, config)
     records = _in_step([read_log(path, config) for path in paths], paths, config)
     folders = [
-        Path(path).resolve().parent.name if isinstance(path, str | Path) else "" for path in paths
+        Path(path).resolve().parent.name if isinstance(path, str | PathLike) else ""
+        for path in paths
     ]
     names = _told_apart([record.name for record in records], folders)
     return in_session([r.renamed(name) for r, name in zip(records, names, strict=True)])
@@ -208,7 +211,7 @@ def _open_table(log: Log) -> Table:
         InputError: it is not there, is a folder, cannot be read, is empty, is no table, or is too
             large for the memory.
     """
-    if not isinstance(log, str | Path):
+    if not isinstance(log, str | PathLike):
         return ArrayTable(log, _IN_MEMORY)
     path = Path(log)
     if path.is_dir():
@@ -235,7 +238,7 @@ def config_of(path: Log, config: str | Path | Config | None = None) -> Config:
     """
     if isinstance(config, Config):
         return config
-    if config is None and isinstance(path, str | Path):
+    if config is None and isinstance(path, str | PathLike):
         path = Path(path)
         if not path.name:
             raise InputError(str(path), "", "is no file", "name a log")

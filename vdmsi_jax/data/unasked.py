@@ -62,8 +62,7 @@ def _heading(channels: Channels) -> Mapping[str, Derivation]:
     if "r" in values and np.ptp(values["r"]) > 0.0:
         by, how = "r", Derivation("heading_from_path")
     elif "delta" in values:
-        by = "delta and v"
-        how = Derivation("heading_from_path_and_steering", steering="delta")
+        by, how = "delta and v", Derivation("heading_from_path_and_steering")
     else:
         return {}
     channels.told.append(

@@ -372,8 +372,9 @@ def _stage(
 
 
 def _shows_a_body(records: Sequence[Record]) -> bool:
-    """Whether a yaw rate or a pose was logged."""
-    return any(channel in record for record in records for channel in ("r", "x", "y", "psi"))
+    """Whether a yaw rate or a pose was logged, which no plant has as its own."""
+    own = {channel for plant in plants_of(records) for channel in (plant.input, plant.output)}
+    return any(c in record and c not in own for record in records for c in ("r", "x", "y", "psi"))
 
 
 def _why_no_body(records: Sequence[Record]) -> str:

@@ -40,6 +40,7 @@ _PLANTS_ONLY = {  # a vehicle's speed, of which these are drag
 }
 FEWEST = 80  # samples that a fit needs
 _FAR = 0.5  # of a command's largest, above which it always is where no dead zone is in its way
+_CLEAR_WAY = 4.0  # times the noise of a position, that half a second's way has to be
 _REVERSED = 0.05  # of the time, that something moves the other way if it moves both ways
 
 
@@ -211,21 +212,23 @@ def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
         x, y, psi = (runs.channel(c) for c in ("x", "y", "psi"))
         way = dict(zip(CHANNELS[1:], increments(x, y, np.unwrap(psi, axis=1), window), strict=True))
         seen, headed = runs.seen("x") & runs.seen("y") & moving, runs.seen("psi")
-        reach = window
+        rows = [window]
         if headed.any():
             seen &= headed
         elif told:  # it is reckoned from the yaw rate
             way = {"forward": way["forward"]}
         else:  # from the angle: how much the course turns is told by no heading
-            speed = runs.channel("v")
-            way, reach = along_course(x, y, speed, window), 2 * window
-            seen &= np.abs(speed) > STANDS * np.abs(speed).max()
-        whole = seen & np.roll(seen, -window, axis=1) & np.roll(seen, -reach, axis=1)
-        whole[:, -reach:] = False
+            way, clear = _course(runs, x, y, window)
+            rows = [window, 2 * window]
+            seen &= clear
+        whole, fitted = seen, seen & ~held
+        for shift in rows:
+            whole = whole & np.roll(seen, -shift, axis=1)
+            fitted = fitted & np.roll(~held, -shift, axis=1)
+        whole[:, -rows[-1] :] = False
         for c, values in way.items():
             measured[c] = values
-            mask[c] = whole & ~held & ~np.roll(held, -reach, axis=1)
-            held_out[c] = whole & held
+            mask[c], held_out[c] = whole & fitted, whole & held
     measured = {c: y for c, y in measured.items() if int(mask[c].sum()) >= FEWEST}
     mask, held_out = ({c: own[c] for c in measured} for own in (mask, held_out))
     if not measured:
@@ -243,6 +246,23 @@ def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
         yaw_bias=yaw_rate_bias(runs) if by_yaw_rate else 0.0,
         by_course=posed and not told and not runs.seen("psi").any(),
     )  # fmt: skip
+
+
+def _course(
+    runs: Runs, x: np.ndarray, y: np.ndarray, window: int
+) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """`along_course` of a measured position, and where that is clear: where a vehicle goes one way,
+    and further than the noise of the position. This makes ways too long, and turns too small, by a
+    quarter of its variance over the way's square, to second order in both: that is taken out."""
+    speed = runs.channel("v")
+    noise = np.sqrt(np.mean([white_noise_std(list(c)) ** 2 for c in (x, y)]))
+    way, gone = along_course(x, y, speed, window), np.abs(speed) * window * runs.dt
+    fast = (np.abs(speed) > STANDS * np.abs(speed).max()) & (gone > _CLEAR_WAY * noise)
+    ahead = np.sign(speed)
+    turned = [np.roll(ahead, -shift, axis=1) != ahead for shift in (window, 2 * window)]
+    excess = (noise / np.where(fast, 2.0 * gone, np.inf)) ** 2
+    taken = {"forward": way["forward"] * (1.0 - excess), "aside": way["aside"] * (1.0 + excess)}
+    return taken, fast & ~turned[0] & ~turned[1]
 
 
 def stands(records: Sequence[Record]) -> bool:

@@ -216,9 +216,9 @@ class AbstractEffect(eqx.Module):
                 and not isinstance(size, Tracer)
                 and np.any(np.asarray(size) < 0)
             ):
-                effect = type(self).__name__
-                problem = f"{effect}: {name} is {size:g}, and an inverse limit is not negative"
-                raise ValueError(f"{problem}; {effect}.of({name}={size:g}) takes the limit itself")
+                effect, least = type(self).__name__, float(np.min(np.asarray(size)))
+                problem = f"{effect}: {name} is {least:g}, and an inverse limit is not negative"
+                raise ValueError(f"{problem}; {effect}.of({name}={least:g}) takes the limit itself")
 
     @classmethod
     def of(cls: type[_Effect], **values: Any) -> _Effect:
@@ -234,7 +234,7 @@ class AbstractEffect(eqx.Module):
         """
         limits = {name for name, known in parameters(cls).items() if known.shown == "inverse"}
         for name in limits & set(values):
-            if not isinstance(values[name], Tracer) and values[name] == 0.0:
+            if not isinstance(values[name], Tracer) and np.any(np.asarray(values[name]) == 0.0):
                 raise ValueError(f"{cls.__name__}.of: {name} is 0, which lets nothing through")
             values[name] = 1.0 / jnp.abs(jnp.asarray(values[name], float))
         return cls(**values)

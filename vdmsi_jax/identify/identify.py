@@ -58,8 +58,9 @@ def identify(
     if options is None:
         options = IdentifyOptions(split="run" if len(record.runs) >= 3 else "blocks")
     for name in overrides.keys() & {"poles", "zeros"}:
-        if np.ndim(overrides[name]) == 0:
-            overrides[name] = (overrides[name],)
+        given = overrides[name]
+        if hasattr(given, "__index__") and np.ndim(given) == 0:  # one number
+            overrides[name] = (given,)
     options = replace(options, **overrides)
     spec = plant if isinstance(plant, PlantSpec) else record.plant(plant)
     check_excitation(record, spec)

@@ -1,6 +1,7 @@
 """The vehicle: a bicycle whose speed and steering angle are the responses of two actuators, and
 what body and road add to it."""
 
+import dataclasses
 import enum
 from collections.abc import Sequence
 
@@ -101,6 +102,7 @@ def stack_vehicles(vehicles: Sequence[Vehicle]) -> Vehicle:
         ValueError: there is none, `speed_input` or the kinds of effects differ, or a plant with
             effects stands beside one of another kind.
     """
+    vehicles = [dataclasses.replace(vehicle) for vehicle in vehicles]  # None follows at once
     if len({vehicle.speed_input for vehicle in vehicles}) != 1:
         raise ValueError("give at least one vehicle, all with the same speed_input")
     if len({jax.tree.structure(vehicle.effects) for vehicle in vehicles}) != 1:

@@ -298,18 +298,23 @@ def increments(x, y, psi, window: int, xp=np):
 
 
 def along_course(x, y, v, window: int, xp=np):
-    """Way forward over `window` rows, and how far aside of it the next such way leads, m, of a
-    vehicle whose heading nobody knows; backwards where the speed is negative."""
+    """Way forward over `window` rows, and how much further aside the next such way leads, m, of a
+    vehicle whose heading nobody knows: in the frame of both ways together, whose direction noise
+    turns least. Backwards where the speed is negative."""
 
     def ahead(values):
         tail = xp.repeat(values[..., -1:], window, axis=-1)
         return xp.concatenate([values[..., window:], tail], axis=-1)
 
-    dx, dy, sign = ahead(x) - x, ahead(y) - y, xp.where(v < 0.0, -1.0, 1.0)
-    stays = (dx == 0.0) & (dy == 0.0)
-    length = xp.where(stays, 0.0, xp.hypot(xp.where(stays, 1.0, dx), dy))
-    across = (ahead(dy) * dx - ahead(dx) * dy) / xp.where(stays, 1.0, length)
-    return {"forward": sign * length, "aside": sign * across}
+    first = ahead(x) - x, ahead(y) - y
+    then = tuple(ahead(part) for part in first)
+    whole = first[0] + then[0], first[1] + then[1]
+    stays = (whole[0] == 0.0) & (whole[1] == 0.0)
+    length = xp.where(stays, 1.0, xp.hypot(xp.where(stays, 1.0, whole[0]), whole[1]))
+    sign = xp.where(v < 0.0, -1.0, 1.0) / length
+    forward = first[0] * whole[0] + first[1] * whole[1]
+    aside = 2.0 * (first[0] * then[1] - first[1] * then[0])
+    return {"forward": sign * forward, "aside": sign * aside}
 
 
 @Kept
