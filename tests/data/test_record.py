@@ -73,7 +73,6 @@ def test_what_from_arrays_makes(unchecked):
         ({"v": [1.0, 2.0], "vehicle": {"l_f": 1.0}}, "is no geometry; give VehicleGeometry"),
         ({"v": [1.0, 2.0], "plants": [PlantSpec("m", "vv", "v")]}, "vv: .* did you mean 'v'"),
         ({"v": [1.0, 2.0], "units": {"v": "km/h"}}, "units v: km/h is not m/s; give it in SI, or"),
-        ({"delta": [20.0, -20.0], "vehicle": VehicleGeometry(1.0, 1.0)}, "more than a road wheel"),
     ],
 )
 def test_what_from_arrays_refuses(unchecked, arguments, told):

@@ -6,10 +6,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from ..config import STEERING_CHANNELS
 from ..errors import InputError
 from ..units import si_symbol
-from .magnitude import refuse_absurd, refuse_wide
+from .magnitude import refuse_absurd
 
 _IN_SI = "in SI, or a mapping with t and arrays to read_log, whose configuration has [units]"
 
@@ -80,15 +79,6 @@ def si_units(
         if unit != si.get(key, unit):
             raise InputError(name, f"units {key}", f"{unit} is not {si[key]}", f"give it {_IN_SI}")
     return si
-
-
-def refuse_degrees(name: str, arrays: Mapping[str, Float[np.ndarray, " N"]]) -> None:
-    """Refuse steering angles of a vehicle that no road wheel has."""
-    for key in STEERING_CHANNELS:
-        if key in arrays:
-            refuse_wide(
-                name, f"channel {key}", arrays[key], f"give angles of the road wheel, {_IN_SI}"
-            )
 
 
 def _as_numbers(name: str, key: str, values: Any) -> np.ndarray:

@@ -1,5 +1,4 @@
-"""Numbers that nothing measures: so large or so small that their squares leave double precision,
-and angles beyond those of a road wheel."""
+"""Numbers that nothing measures: so large or so small that their squares leave double precision."""
 
 import numpy as np
 from jaxtyping import Float
@@ -7,7 +6,6 @@ from jaxtyping import Float
 from ..errors import InputError
 
 _LARGEST, _SMALLEST = 1e50, 1e-50
-_WIDEST = 0.5 * np.pi  # rad, that a wheel is turned
 
 
 def refuse_absurd(source: str, channel: str, values: Float[np.ndarray, " _"]) -> None:
@@ -25,15 +23,3 @@ def refuse_absurd(source: str, channel: str, values: Float[np.ndarray, " _"]) ->
     if 0.0 < largest < _SMALLEST:
         problem = f"no number in it is larger than {largest:.3g}"
         raise InputError(source, channel, problem, mend)
-
-
-def refuse_wide(source: str, place: str, angles: Float[np.ndarray, " _"], mend: str) -> None:
-    """Refuse steering angles that no road wheel has; gaps (NaN) pass.
-
-    Raises:
-        InputError: one in a hundred is beyond a quarter turn.
-    """
-    usual = float(np.nanquantile(np.abs(angles), 0.99)) if np.isfinite(angles).any() else 0.0
-    if usual > _WIDEST:
-        problem = f"a steering angle of {usual:.3g} rad is more than a road wheel turns"
-        raise InputError(source, place, problem, mend)

@@ -13,7 +13,7 @@ from ..errors import InputError, nearest
 from ..units import si_symbol
 from .derive import Channels, derive
 from .lattice import lattice_step
-from .magnitude import refuse_absurd, refuse_wide
+from .magnitude import refuse_absurd
 from .mend import (
     USUAL_GAP,
     Raw,
@@ -38,6 +38,7 @@ from .undeclared import refuse_undeclared
 
 _FINEST = 100  # samples that may be made of one row
 _ROUNDING = 0.02  # how far the period of an uneven log may move to become a rounder number
+_WIDEST = 0.5 * np.pi  # rad, that a wheel is turned
 _LOOKED_AT = 3_000_000  # rows at the most, that are looked at for outliers: 5 s a million
 _MANY = 0.5  # of the rows, that a log keeps whose cells are rarely empty
 _BETWEEN_RUNS = 1.0  # s between runs whose clocks restarted
@@ -96,12 +97,16 @@ def prepare(raw: Raw, config: Config, windows: Mapping[str, float] | None = None
 
 def _refuse_degrees(source: str, place: str, name: str, angles: np.ndarray, config: Config) -> None:
     """Refuse angles that no road wheel has."""
-    degrees = f'say so if it is in degrees, [units] {name} = "deg"; '
-    wheel = (
-        f"make a steering wheel's angle, [columns] wheel = ..., that of the road wheels: "
-        f'[derive] {name} = {{ expression = "wheel / 16", unit = "rad" }}'
-    )
-    refuse_wide(source, place, angles, wheel if name in config.units else degrees + wheel)
+    usual = float(np.nanquantile(np.abs(angles), 0.99)) if np.isfinite(angles).any() else 0.0
+    if usual > _WIDEST:
+        problem = f"a steering angle of {usual:.3g} rad is more than a road wheel turns"
+        degrees = f'say so if it is in degrees, [units] {name} = "deg"; '
+        wheel = (
+            f"make a steering wheel's angle, [columns] wheel = ..., that of the road wheels: "
+            f'[derive] {name} = {{ expression = "wheel / 16", unit = "rad" }}'
+        )
+        mend = wheel if name in config.units else degrees + wheel
+        raise InputError(source, place, problem, mend)
 
 
 def _assemble(rows: Rows, config: Config, period: float, windows: Mapping[str, float]) -> Record:

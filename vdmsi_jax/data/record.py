@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 from ..config import PlantSpec, VehicleGeometry, canonical_of, plants_among
 from ..errors import InputError, nearest
 from ..geometry import refuse_no_geometry
-from .arrays import as_channels, as_period, refuse_degrees, si_units
+from .arrays import as_channels, as_period, si_units
 from .lattice import lattice_step
 from .noise import white_noise_std
 from .segment import Segment, split_blocks, split_runs
@@ -137,7 +137,7 @@ class Record:
         Raises:
             InputError: no channel or sample, a channel that is not one-dimensional or not finite,
                 lengths that differ, a plant without its channels, a vehicle that is no geometry,
-                a canonical channel in another unit, or steering angles that no road wheel has.
+                or a canonical channel in another unit.
         """
         period = as_period(name, dt)
         if "t" in channels:
@@ -152,8 +152,6 @@ class Record:
                 raise InputError(name, f"channel {channel}", problem, nearest(channel, arrays))
         fitting = given or plants_among(arrays)
         si = si_units(name, arrays, canonical_of(fitting, vehicle), units or {})
-        if vehicle is not None:
-            refuse_degrees(name, arrays)
         n = next(iter(arrays.values())).size
         time = t0 + period * np.arange(n)
         return cls(name, period, time, arrays, si, (Segment(0, n, name),), (), vehicle, fitting)
