@@ -196,7 +196,7 @@ class Derivation:
     expression: str | None = None
     unit: str | None = None
     speed: str = "v"
-    steering: str | None = None
+    steering: str = ""
     yaw_rate: str = "r"
     min_speed: float = 0.3
     window: float | None = None
@@ -212,6 +212,8 @@ class Derivation:
         require(fine, self, "unit", "missing", 'give that of the expression, as unit = "rad/s"')
         fine = self.window is None or 0.0 < self.window < math.inf
         require(fine, self, "window", f"{self.window} is no duration", "give seconds")
+        usual = "delta" if self.rule == "heading_from_path_and_steering" else "delta_cmd"
+        object.__setattr__(self, "steering", self.steering or usual)
         problem = f"{self.min_speed} is no limit"
         require(self.min_speed > 0.0, self, "min_speed", problem, "give m/s, more than zero")
 

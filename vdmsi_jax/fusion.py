@@ -190,8 +190,7 @@ def _fuse(
     if vehicle.acts_at("relaxed"):
         raise ValueError("a filter takes no effect that remembers the way; leave it out")
     measured, seen = jnp.asarray(measured, float), jnp.asarray(seen, bool)
-    blind = ~seen[0]
-    measured = eqx.error_if(measured, blind, "the sensor has to see the first row: begin there")
+    measured = eqx.error_if(measured, ~seen[0], "the sensor has to see the first row: begin there")
     measured = jnp.where(seen[:, None], measured, 0.0)
     dt, span = commands.dt, commands.v_cmd.shape[0] * commands.dt
     plants = [_linear(vehicle.powertrain, "powertrain"), _linear(vehicle.steering, "steering")]

@@ -123,11 +123,12 @@ def plan(config: str | Path, out: str | Path) -> list[Cell]:
         own = config_of(log, None if run.config is None else beside / run.config)
         options = sweep.identify or own.identify or IdentifyOptions()
         plants = {p.name: p for p in _plants_of(log, own)}
+        content = _content(log, own.path)
         for name in run.plants or plants:
             if name not in plants:
                 problem = f"there is no plant {name!r}"
                 raise InputError(sweep.source, f"{place} plants", problem, nearest(name, plants))
-            key = _fingerprint(_content(log, own.path), plants[name], options)
+            key = _fingerprint(content, plants[name], options)
             file = folder / _file_name(f"{log.resolve().parent.name}.{log.stem}.{name}", key)
             if any(file == cell.file and key != cell.key for cell in cells):
                 file = file.with_name(f"{file.stem}.{key[:_MARK]}.json")

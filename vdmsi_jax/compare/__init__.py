@@ -1,7 +1,6 @@
 """Measured, VDM, VDM-SI and the extended model side by side: responses, paths, and where they
 part."""
 
-from ..config import POSE as POSE
 from ._compare import compare as compare
 from ._compare import identified as identified
 from ._files import simulation_document as simulation_document

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..config import POSE
 from ..data.record import Record, Segment
 from ..errors import InputError, nearest
 from ..identify.acceleration import measures_acceleration, speed_response
@@ -21,7 +22,6 @@ from ..metrics import (
 from ..model_file import Model, Plant
 from ..programs import make_room
 from ._nouns import (
-    POSE,
     SUCCESSFUL,
     Comparison,
     PoseErrors,

@@ -210,7 +210,7 @@ def _heading_from_path(
 def _heading_by_steering(
     channels: Channels, how: Derivation, vehicle: VehicleGeometry
 ) -> tuple[np.ndarray, None]:
-    x, y, v, delta = (channels.values[c] for c in ("x", "y", how.speed, how.steering or "delta"))
+    x, y, v, delta = (channels.values[c] for c in ("x", "y", how.speed, how.steering))
     r, ahead = yaw_rate_from_steering(v, delta, vehicle), vehicle.rear_to_reference
     parts = [
         heading_of_path(x[p], y[p], r[p], v[p], channels.dt, ahead, BY_STEERING)
@@ -239,11 +239,9 @@ _RULES: Mapping[str, _Rule] = {
     ),
     "yaw_rate_from_steering": _Rule(
         "angular rate",
-        lambda how: (how.speed, how.steering or "delta_cmd"),
+        lambda how: (how.speed, how.steering),
         lambda c, how, vehicle: (
-            yaw_rate_from_steering(
-                c.values[how.speed], c.values[how.steering or "delta_cmd"], vehicle
-            ),
+            yaw_rate_from_steering(c.values[how.speed], c.values[how.steering], vehicle),
             None,
         ),
         needs_vehicle=True,
@@ -265,7 +263,7 @@ _RULES: Mapping[str, _Rule] = {
     ),
     "heading_from_path_and_steering": _Rule(
         "angle",
-        lambda how: ("x", "y", how.speed, how.steering or "delta"),
+        lambda how: ("x", "y", how.speed, how.steering),
         _heading_by_steering,
         needs_vehicle=True,
         reckoned=True,

@@ -362,5 +362,5 @@ def is_held(channel: str, config: Config) -> bool:
 def _made_of(how: Derivation, source: str) -> Collection[str]:
     """The channels that a derived one is made of."""
     if how.expression is None:
-        return {how.speed, how.steering or "delta_cmd", how.yaw_rate}
+        return {how.speed, how.steering, how.yaw_rate}
     return parse(how.expression, source=source, place="[derive]").names

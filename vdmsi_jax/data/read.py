@@ -6,7 +6,6 @@ read before it fills the memory, turn units into SI, and hand the table to `prep
 evenly sampled segments of it.
 """
 
-import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -244,7 +243,7 @@ def config_of(path: Log, config: str | Path | Config | None = None) -> Config:
             raise InputError(str(path), "", "is no file", "name a log")
         candidates = (path.with_suffix(".toml"), *(path.parent / name for name in _CONFIG_NAMES))
         config = next((candidate for candidate in candidates if candidate.is_file()), None)
-    if not isinstance(config, str | os.PathLike | None):
+    if not isinstance(config, str | PathLike | None):
         mend = "give a TOML file, or Config(...) with these values"
         raise InputError("config", "", f"{type(config).__name__} is no configuration", mend)
     return load_config(config)

@@ -199,6 +199,7 @@ def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
     posed = {"x", "y", "psi"} <= channels
     if not told and not posed:
         return None
+    by_course = posed and not told and not runs.seen("psi").any()
     measured, mask, held_out = {}, {}, {}
     held = runs.held()
     moving = runs.seen("v") & angle[1] & _inside(runs)
@@ -213,14 +214,14 @@ def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
         way = dict(zip(CHANNELS[1:], increments(x, y, np.unwrap(psi, axis=1), window), strict=True))
         seen, headed = runs.seen("x") & runs.seen("y") & moving, runs.seen("psi")
         rows = [window]
-        if headed.any():
-            seen &= headed
-        elif told:  # it is reckoned from the yaw rate
-            way = {"forward": way["forward"]}
-        else:  # from the angle: how much the course turns is told by no heading
+        if by_course:  # the heading is reckoned from the angle, and the course turns without it
             way, clear = _course(runs, x, y, window)
             rows = [window, 2 * window]
             seen &= clear
+        elif headed.any():
+            seen &= headed
+        else:  # it is reckoned from the yaw rate
+            way = {"forward": way["forward"]}
         whole, fitted = seen, seen & ~held
         for shift in rows:
             whole = whole & np.roll(seen, -shift, axis=1)
@@ -244,7 +245,7 @@ def body_of(runs: Runs, searches: dict[str, Search]) -> Body | None:
         smooth["v"], smooth["delta"], v - smooth["v"], delta - smooth["delta"],
         measured, mask, held_out, bicycle, runs.dt, by_yaw_rate, repeats=repeats(runs),
         yaw_bias=yaw_rate_bias(runs) if by_yaw_rate else 0.0,
-        by_course=posed and not told and not runs.seen("psi").any(),
+        by_course=by_course,
     )  # fmt: skip
 
 

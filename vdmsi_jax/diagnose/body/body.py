@@ -310,7 +310,7 @@ def along_course(x, y, v, window: int, xp=np):
     then = tuple(ahead(part) for part in first)
     whole = first[0] + then[0], first[1] + then[1]
     stays = (whole[0] == 0.0) & (whole[1] == 0.0)
-    length = xp.where(stays, 1.0, xp.hypot(xp.where(stays, 1.0, whole[0]), whole[1]))
+    length = xp.hypot(xp.where(stays, 1.0, whole[0]), whole[1])
     sign = xp.where(v < 0.0, -1.0, 1.0) / length
     forward = first[0] * whole[0] + first[1] * whole[1]
     aside = 2.0 * (first[0] * then[1] - first[1] * then[0])
@@ -322,12 +322,12 @@ def _simulate(theta, v, delta, bicycle: Bicycle, dt, yaw_bias, how: Static):
     by_yaw_rate, by_course, window = how.value
 
     def one(vector, v, delta):
-        r, *pose = _motion(vector, v, delta, bicycle, dt, by_yaw_rate, yaw_bias)
-        x, y, psi = pose
-        way = increments(x, y, psi, window, jnp)
+        r, x, y, psi = _motion(vector, v, delta, bicycle, dt, by_yaw_rate, yaw_bias)
         if by_course:
             course = along_course(x, y, v, window, jnp)
-            way = way[0], course["forward"], course["aside"]
+            way = psi, course["forward"], course["aside"]  # and no heading is measured
+        else:
+            way = increments(x, y, psi, window, jnp)
         return r, way, (x, y, psi)
 
     over_runs = jax.vmap(one, in_axes=(None, 0, 0))
