@@ -18,7 +18,7 @@ from vdmsi_jax.models.state_space import StateSpace, propagate
 from vdmsi_jax.models.transfer_function import TransferFunction
 
 _TOGETHER = 5  # effects that are passed by at once
-_FORCES = 2  # likewise of those inside the dynamics, in every sub-step
+_FORCES = 2  # likewise of those inside the dynamics
 
 
 class ExtendedTrace(AbstractTrace):
@@ -268,12 +268,11 @@ def _moved(
     forced = [i for i, e in enumerate(effects) if "effort" in e.ports]
     loaded = [i for i, e in enumerate(effects) if "load" in e.ports]
     forces = tuple(effects[i] for i in forced)
-    which = None if on is None or not forced else on[np.array(forced)]
 
     if steps is None:
         steps = steps_of(system, signals.leads, signals.h)
 
-    def moved(held: Array) -> Array:
+    def moved(forces: tuple[AbstractEffect, ...], which: Array | None, held: Array) -> Array:
         load = _load(effects, held, signals, on)
         return _dynamics(system, steps, rest, forces, held, signals, start, load, which)
 
@@ -290,11 +289,22 @@ def _moved(
         return free(held) - lowered.read(system.C[:, None])[:, 0]
 
     if on is None:  # bit for bit the same with forces that are off as without any
-        return moved(held)
+        return moved(forces, None, held)
     smooth = free
     if loaded:
         smooth = partial(lax.cond, jnp.any(on[np.array(loaded)]), pushed, free)
-    return smooth(held) if which is None else lax.cond(jnp.any(which), moved, smooth, held)
+    if not forces:
+        return smooth(held)
+    # to ask in every sub-step which forces are on takes longer than all that most of them do, so
+    # that those of one part have a loop of their own
+    which = on[np.array(forced)]
+    parts = [slice(k, k + _FORCES) for k in range(0, len(forces), _FORCES)]
+    asked = jnp.stack([jnp.any(which[part]) for part in parts])
+    alone = [partial(moved, forces[part], None) for part in parts]
+    ways = [smooth, *alone, partial(moved, forces, which)]
+    one, more = 1 + jnp.argmax(asked), len(ways) - 1
+    number = jnp.sum(asked)
+    return lax.switch(jnp.where(number > 1, more, jnp.where(number > 0, one, 0)), ways, held)
 
 
 def _load(
