@@ -149,8 +149,14 @@ def show_reproduction(experiments: Sequence["Experiments"]) -> None:
 
 def show_diagnosis(diagnosis: "Diagnosis") -> None:
     """The verdict, each finding in words, what it gains, and what remains."""
-    from .diagnose.answer.document import left_over, title
-    from .diagnose.answer.words import disturbances, in_words, resting, verdict
+    from .diagnose.answer.words import (
+        disturbances,
+        in_words,
+        left_over,
+        resting,
+        title,
+        verdict,
+    )
 
     for told in diagnosis.contradictions:
         OUT.print(told, style="bold", soft_wrap=True, markup=False)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import made_up_diagnosis
-from vdmsi_jax.diagnose.answer.document import diagnosis_document, left_over, title
-from vdmsi_jax.diagnose.answer.words import in_words
+from vdmsi_jax.diagnose.answer.document import diagnosis_document
+from vdmsi_jax.diagnose.answer.words import in_words, left_over, title
 from vdmsi_jax.files import write_json
 
 FINDING = {

@@ -10,7 +10,7 @@ from rich.console import Console
 
 import made_up_diagnosis
 from vdmsi_jax import terminal
-from vdmsi_jax.diagnose.answer.document import title
+from vdmsi_jax.diagnose.answer.words import title
 from vdmsi_jax.report.diagnosis import diagnosis_page
 from vdmsi_jax.report.page import render
 from vdmsi_jax.report.text import percent

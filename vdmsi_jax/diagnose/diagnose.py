@@ -10,6 +10,7 @@ import numpy as np
 
 from ..config import PlantSpec, VehicleGeometry, canonical_of
 from ..data import check_excitation, uncommanded
+from ..data.mend import counted
 from ..data.outliers import without_outliers
 from ..data.record import Record, records_of
 from ..data.session import in_session
@@ -250,8 +251,8 @@ def _among_their_like(records: list[Record]) -> tuple[list[Record], list[str]]:
     left out."""
     pairs = [without_outliers(record) for record in records]
     told = [
-        f"{record.log}: {number} samples of {channel} stand alone, far from those about them, as "
-        f"outliers of a sensor do: left out."
+        f"{record.log}: {counted(number, 'sample')} of {channel} far from those before and after, "
+        f"as outliers of a sensor are: left out."
         for record, counts in pairs
         for channel, number in counts.items()
     ]

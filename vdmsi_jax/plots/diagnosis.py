@@ -8,9 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
-from ..diagnose.answer.document import left_over, title
 from ..diagnose.answer.result import Budget, Diagnosis, Finding, Path, Response
-from ..diagnose.answer.words import disturbances, in_words, verdict
+from ..diagnose.answer.words import disturbances, in_words, left_over, title, verdict
 from .overlays import BASELINE, EXTENDED, best_window, draw_residuals, draw_signals, judged_run
 from .signals import NAMES, map_axes
 from .style import (

@@ -4,9 +4,8 @@ import math
 from collections.abc import Mapping, Sequence
 
 from .. import plots
-from ..diagnose.answer.document import title
 from ..diagnose.answer.result import ChannelScore, Diagnosis, Estimate, Finding, Gain, Response
-from ..diagnose.answer.words import disturbances, in_words, resting
+from ..diagnose.answer.words import disturbances, in_words, resting, title
 from ..plots.diagnosis import worst_paths
 from ..plots.style import pretty_unit, squared_unit
 from .identification import what_was_read

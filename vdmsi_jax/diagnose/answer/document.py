@@ -17,7 +17,6 @@ from .result import (
     Rival,
     Unexplained,
 )
-from .words import in_words
 
 DIAGNOSIS = "vdmsi.diagnosis/1"
 
@@ -109,23 +108,6 @@ def finding_document(finding: Finding) -> dict[str, Any]:
         "indistinguishable_from": list(finding.indistinguishable_from),
         "separating_experiment": finding.separating_experiment,
     }
-
-
-def title(finding: Finding) -> str:
-    """A finding's short name for tables and pictures: `backlash or Coulomb friction (steering)`.
-    A sensor's cause is named after its channel."""
-    names = (finding.cause, *finding.indistinguishable_from)
-    place = finding.channel or finding.where
-    return f"{' or '.join(map(in_words, names))} ({place})"
-
-
-def left_over(left: Unexplained) -> str:
-    """Structure without a known cause as a sentence."""
-    on = f", which depends on {', '.join(left.depends_on)}" if left.depends_on else ""
-    when = "; ".join(f"{run} {start:g} to {stop:g} s" for run, start, stop in left.when)
-    share = f"{100.0 * left.fraction:.0f} % of the residual's variance is structure"
-    where = f"Unexplained in {left.channel}: {share}{on}" + (f" ({when})" if when else "")
-    return where + (f": {left.test}." if left.test else ".")
 
 
 def _estimate(estimate: Estimate) -> dict[str, Any]:

@@ -19,6 +19,14 @@ def in_words(cause: str) -> str:
     return cause.replace("_", " ").replace("coulomb", "Coulomb")
 
 
+def title(finding: Finding) -> str:
+    """A finding's short name for tables and pictures: `backlash or Coulomb friction (steering)`.
+    A sensor's cause is named after its channel."""
+    names = (finding.cause, *finding.indistinguishable_from)
+    place = finding.channel or finding.where
+    return f"{' or '.join(map(in_words, names))} ({place})"
+
+
 def sentence(f: Finding) -> str:
     """What it is, how large, what it costs, and what else it could be."""
     place = f"{f.channel} sensor" if f.channel else f.where
@@ -127,7 +135,7 @@ def summary(d: Diagnosis) -> str:
         )
     said += map(resting, d.levels)
     if d.small:
-        names = ", ".join(in_words(f.cause) for f in d.small)
+        names = ", ".join(map(title, d.small))
         said.append(f"Significant, yet small or not sure enough to be named: {names}.")
     for u in d.unexplained[:3]:
         why = f"; {u.test}" if u.test else ""
@@ -141,6 +149,15 @@ def resting(level: Finding) -> str:
     bias = level.parameters["bias"]
     unit = "" if bias.unit == "1" else f" {bias.unit}"
     return f"The {level.where} rests at {number(bias.value)}{unit}, which is no cause."
+
+
+def left_over(left: Unexplained) -> str:
+    """Structure without a known cause as a sentence."""
+    on = f", which depends on {', '.join(left.depends_on)}" if left.depends_on else ""
+    when = "; ".join(f"{run} {start:g} to {stop:g} s" for run, start, stop in left.when)
+    share = f"{100.0 * left.fraction:.0f} % of the residual's variance is structure"
+    where = f"Unexplained in {left.channel}: {share}{on}" + (f" ({when})" if when else "")
+    return where + (f": {left.test}." if left.test else ".")
 
 
 def disturbances(d: Diagnosis) -> list[str]:
