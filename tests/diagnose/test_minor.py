@@ -282,6 +282,20 @@ def test_a_change_that_is_hardly_known_is_part_of_what_is_slow(cause, sure, dist
 
 
 @pytest.mark.parametrize(
+    ("cause", "sure", "minor"),
+    [("regime_change", 0.7, True), ("regime_change", 2.0, False), ("gain_drift", 0.7, False)],
+)
+def test_a_change_whose_size_is_lost_in_its_error_is_none(cause, sure, minor):
+    """Its moment and its lag fit what is slow, as an oven's surroundings, very surely."""
+    change = named(cause)
+    trial, told = judged(change, 90.0, 95.0)
+    sizes = {"time": Estimate(23.0, 2.0, "s"), "gain": Estimate(0.03, 0.03 / sure, "1")}
+    told = replace(told, parameters=sizes)
+    why = Weighed(WEIGHING, change, trial, told, [(change, trial)]).why_minor()
+    assert ("lost in its standard error" in why) is minor
+
+
+@pytest.mark.parametrize(
     ("after", "puzzle", "minor"), [(93.6, 0.83, True), (93.6, 0.0, False), (97.2, 0.83, False)]
 )
 def test_a_change_beside_what_nothing_explains_is_part_of_it(after, puzzle, minor):

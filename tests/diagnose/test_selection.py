@@ -12,6 +12,7 @@ from vdmsi_jax.diagnose.actuator.starts import delayed
 from vdmsi_jax.diagnose.prepare import stage_of
 from vdmsi_jax.diagnose.search.baseline import baselines
 from vdmsi_jax.diagnose.search.elimination import _swings, eliminate, is_late
+from vdmsi_jax.diagnose.search.selection import _passed_by
 from vdmsi_jax.diagnose.signals.runs import lay_out
 
 PLANT, DT, LAG = vj.PlantSpec("servo", "u", "y"), 0.02, 0.3
@@ -87,3 +88,23 @@ def test_a_long_delay_has_a_start_near_it():
     starts = delayed(stage, baselines(stage)[1, 0])
     found = [h.theta[stage.slots[h.active[0]].index[0]] for h in starts]
     assert min(abs(np.log(value / (late * DT))) for value in found) < np.log(1.3)
+
+
+def test_a_plainer_form_of_the_first_cause_is_followed_too():
+    """A valve's dead zone: what its finer form has beside may be the next cause's."""
+    runs = [made(run, late=0) for run in range(2)]
+    dead = [replace(r, channels=r.channels | {"u": r["u"] + 0.2 * np.sign(r["u"])}) for r in runs]
+    stage = stage_of(lay_out(dead), PLANT)
+    plain = baselines(stage)[1, 0]
+    late, plainer = (
+        next(i for i, slot in enumerate(stage.slots) if slot.names == names)
+        for names in (("half_width", "before"), ("half_width",))
+    )
+    starts = []
+    for number, values in ((late, (0.2, 0.005)), (plainer, (0.2,))):
+        theta = plain.hypothesis.theta.copy()
+        theta[list(stage.slots[number].index)] = values
+        starts.append(Hypothesis(1, 0, (number,), theta))
+    fine, rough = refit(stage, starts)
+    assert _passed_by(stage, plain, fine, [plain, fine, rough]) == [rough]
+    assert _passed_by(stage, plain, rough, [plain, fine, rough]) == []

@@ -42,6 +42,7 @@ _ASTRAY = 3.0  # times the error of a path
 _BORNE_OUT = 4.0  # standard errors of its gain, from which on what is so faint only happens to
 # spoil one path: of twelve exams a right name that does so had 5.4, wrong ones up to 1.6
 _NOTHING = 0.5  # standard errors, below which a parameter is nothing, whatever it takes
+_NO_CHANGE = 1.5  # likewise of a change of regime, whose moment and lag fit what is slow
 _CLEAR, _FEW = 2.0, 3  # standard errors, below which a parameter may be nothing; of so many
 _SURE = 2.5  # standard errors of the gain in FIT held out, from which on a cause is one beside no
 # structure: poles and zeros may take over so much of its size that it is lost all the same
@@ -301,7 +302,8 @@ def _sizeless(found: Finding) -> bool:
     told = found.parameters
     if found.cause == "resonance" and "weight" in told:
         return abs(told["weight"].value) < _WEIGHED * told["weight"].std
-    return all(abs(e.value) < _NOTHING * e.std for name, e in told.items() if name != "time")
+    least = _NO_CHANGE if found.cause == "regime_change" else _NOTHING
+    return all(abs(e.value) < least * e.std for name, e in told.items() if name != "time")
 
 
 def _exact(found: Finding) -> bool:

@@ -154,7 +154,8 @@ def _refitted(
 
 def _passed_by(stage: Stage, plain: Refit, now: Refit, fits: Iterable[Refit]) -> list[Refit]:
     """The best models with one other cause, each in its own plant and in that of the plain model:
-    the best cause alone may be one that imitates two."""
+    the best cause alone may be one that imitates two. And the best with a plainer form of the same
+    cause: what the finer one has beside may be another cause's."""
     least = score(stage, plain) + _PASSED * (score(stage, now) - score(stage, plain))
     had = {stage.slots[k].cause for k in now.hypothesis.active}
     picked: dict[tuple[int, ...], list[Refit]] = {}
@@ -166,7 +167,17 @@ def _passed_by(stage: Stage, plain: Refit, now: Refit, fits: Iterable[Refit]) ->
             picked.setdefault(active, [f])
         elif active in picked and order_of(f.hypothesis) == order_of(plain.hypothesis):
             picked[active].append(f)
-    return [f for own in picked.values() for f in own]
+    size = now.hypothesis.size(stage)
+    forms = [
+        f
+        for f in fits
+        if f.hypothesis.size(stage) < size
+        and had == {stage.slots[k].cause for k in f.hypothesis.active}
+        and score(stage, f) > least
+    ]
+    plainer = max(forms, key=lambda f: score(stage, f), default=None)
+    passed = [f for own in picked.values() for f in own]
+    return passed if plainer is None else [*passed, plainer]
 
 
 def _beside(stage: Stage, f: Refit, least: float) -> list[Hypothesis]:
