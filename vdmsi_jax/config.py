@@ -119,8 +119,8 @@ class Prepare:
     `Record.repairs`.
 
     Attributes:
-        dt: sample period, s; the log's own if not given. A longer one decimates, with an anti-alias
-            filter for measurements.
+        dt: sample period, s; the log's own if not given. A longer one thins out: of measurements
+            those at its samples are taken, of commands the means over a sample.
         jitter: how far a time stamp may lie off the even grid, as a share of dt, before the log
             counts as irregular and is resampled. Rounding of printed time stamps is told apart from
             jitter and is never resampled.

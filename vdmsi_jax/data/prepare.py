@@ -263,8 +263,8 @@ def _tell_sampling(rows: Rows, grids: list[Grid], period: float, dt: float) -> N
         )
     if grids[0].every > 1:
         rows.told.append(
-            f"thinned out from {period:g} to {dt:g} s: measurements were low-passed below "
-            f"{0.5 / dt:g} Hz first, of commands the means over a sample were taken"
+            f"thinned out from {period:g} to {dt:g} s: one of {grids[0].every} measurements taken, "
+            f"of commands the means over a sample"
         )
     if absent := sum(int(grid.absent.sum()) for grid in grids):
         rows.told.append(

@@ -3,8 +3,9 @@ make it so.
 
 Commands are held: between two rows the older one counts, and a sample is the mean of what is held
 until the next, since a plant answers to that: a command that changes in between is not late.
-Measurements are interpolated linearly; where the grid is coarser than the log, they pass a low-pass
-first (`antialias`). Samples that were even already are taken as they are.
+Measurements are interpolated linearly; where the grid is coarser than the log, those on it are
+taken as they are: a low-pass before would be taken for a part of the plant, whose command passes
+none (Ljung, System Identification, 1999, section 14.4). So are samples that were even already.
 """
 
 from dataclasses import dataclass
@@ -16,7 +17,6 @@ _JITTERS, _OFF = 0.1, 0.01  # of the median step, from which on stamps jitter by
 # mean of the steps near it, by which a line through such stamps is off
 _CLOSE, _BRIDGED = 1.75, 3.5  # samples between two rows, between which all are measured; of stamps
 # that jitter, which leave some out, more: a colour of noise needs all of the past of a sample
-_LOBES = 10  # of the sinc on either side; sets the width of the filter's transition
 
 
 @dataclass(frozen=True)
@@ -162,20 +162,19 @@ def hold(grid: Grid, values: Float[np.ndarray, " rows"]) -> Float[np.ndarray, " 
 def interpolate(
     grid: Grid, values: Float[np.ndarray, " rows"], known: Bool[np.ndarray, " rows"]
 ) -> Float[np.ndarray, " samples"]:
-    """A measurement on the grid: linear between the rows in which it is known, low-passed first
-    where the grid is coarser than the log; of one that has several rows for each point of an uneven
-    grid, the mean from halfway before to halfway behind."""
+    """A measurement on the grid: linear between the rows in which it is known; of one that has
+    several rows for each point of an uneven grid, the mean from halfway before to halfway
+    behind."""
     there, rows = np.flatnonzero(known), np.arange(known.size)
     first, last = (there[0], there[-1]) if there.size else (known.size, 0)
     used = known | (rows <= first) | (rows >= last)  # with what fills in its ends
-    own, values, points = grid.position[used], values[used], np.arange(grid.points)
+    own, values, points = grid.position[used], values[used], np.arange(0, grid.points, grid.every)
     uneven = not grid.even and own.size > 1
     many = round(1.0 / max(float(np.median(np.diff(own))), 1e-3)) if uneven else 1
     if many < 2:
-        return antialias(np.interp(points, own, values), grid.every)[:: grid.every]
+        return np.interp(points, own, values)
     within = (np.arange(2 * many) + 0.5) / (2 * many) - 0.5
-    means = np.mean([np.interp(points + part, own, values) for part in within], axis=0)
-    return antialias(means, grid.every)[:: grid.every]
+    return np.mean([np.interp(points + part, own, values) for part in within], axis=0)
 
 
 def measured(grid: Grid, known: Bool[np.ndarray, " rows"]) -> Bool[np.ndarray, " samples"]:
@@ -191,23 +190,3 @@ def measured(grid: Grid, known: Bool[np.ndarray, " rows"]) -> Bool[np.ndarray, "
 
 def _row_before(grid: Grid) -> Int[np.ndarray, " points"]:
     return np.searchsorted(grid.position, np.arange(grid.points) + 1e-6, side="right") - 1
-
-
-def antialias(values: Float[np.ndarray, " N"], every: int) -> Float[np.ndarray, " N"]:
-    """Low-pass before every `every`-th sample is taken: a windowed sinc (Hamming), without delay.
-
-    It is flat to 60 % of the new Nyquist frequency and 50 dB down from there on. The ends are
-    continued by point reflection.
-    Source: Oppenheim and Schafer, Discrete-Time Signal Processing, 7.5.
-
-    Args:
-        values: (N,) evenly spaced samples.
-        every: decimation; 1 returns the samples unchanged.
-    """
-    if every == 1 or values.size < 2:
-        return values
-    half = _LOBES * every
-    offset = np.arange(-half, half + 1)
-    kernel = np.sinc(0.8 * offset / every) * np.hamming(offset.size)
-    padded = np.pad(values, half, mode="reflect", reflect_type="odd")
-    return np.convolve(padded, kernel / kernel.sum(), "valid")
