@@ -308,6 +308,8 @@ def test_a_model_with_effects_is_a_third_prediction(extended, tmp_path):
         )
     vdm_si, best = (comparison.predictions[name] for name in ("VDM-SI", "extended"))
     assert best.whole.ate["max"] < 1e-6, "the log is the model itself"
+    floors = [c.floor.whole.ate["mean"] for c in (comparison, plain)]
+    assert 5 * floors[0] < floors[1], "with measured responses the extended body is what is driven"
     assert min(best.scores[c].fit for c in ("delta", "r")) > 99.99
     assert vdm_si.whole.ate["mean"] > 0.1 and vdm_si.scores["r"].fit < 90.0
     document = simulation_document([comparison])["runs"][0]

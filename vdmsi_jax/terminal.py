@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.segment import Segments
 from rich.table import Table
 
 if TYPE_CHECKING:  # a command imports what it uses, which takes a second for all
@@ -34,6 +35,8 @@ def hush() -> None:
     with suppress(OSError, ValueError):  # an output that is no file
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
+
+_WIDEST = 10_000  # characters, of a table
 
 OUT = _Console(highlight=False, markup=False)  # names and remarks have brackets of their own
 ERR = Console(stderr=True, highlight=False, markup=False)
@@ -62,16 +65,19 @@ def progress() -> Progress:
 
 def show_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """A table on standard output, without columns that are empty; those after the first two stand
-    to the right."""
+    to the right. A terminal that is too narrow breaks its lines: a number that lacks its end is
+    another number."""
     told = [i for i in range(len(header)) if any(row[i] != "–" for row in rows)]
     header, rows = [header[i] for i in told], [[row[i] for i in told] for row in rows]
     table = Table(box=None, pad_edge=False, header_style="bold")
     for i, name in enumerate(header):
         justify = "left" if i < 2 else "right"
-        table.add_column(name, justify=justify, no_wrap=i > 0, overflow="fold")
+        table.add_column(name, justify=justify, no_wrap=True)
     for row in rows:
         table.add_row(*row)
-    OUT.print(table)
+    whole = OUT.measure(table, options=OUT.options.update(width=_WIDEST)).maximum
+    wide = OUT.options.update(width=max(OUT.width, whole))
+    OUT.print(Segments(OUT.render(table, wide)), soft_wrap=True, end="")
 
 
 def _percent(value: float | None) -> str:

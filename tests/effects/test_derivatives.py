@@ -21,9 +21,6 @@ nothing else is left."""
 AGREE = 2e-4
 """Of the largest derivative: kinks that the difference passes, and its rounding errors."""
 
-HELD = {"coulomb_friction"}
-"""Causes whose derivative off is up to the sign of rounding errors, since a run begins at rest."""
-
 MOVING = 8
 """Rows until a run that begins at rest moves by more than rounding errors, which play would see."""
 
@@ -101,7 +98,7 @@ def test_the_derivative_off_is_the_one_to_the_side_that_is_allowed(bench):
     off = bench.off
     vectors, directions, names = [], [], []
     for place in bench.places:
-        if place.effect.cause in STEPPED | HELD:
+        if place.effect.cause in STEPPED:
             continue
         for i, known, size in zip(place.index, place.known, sizes(bench, place), strict=True):
             assert known.upper > off[i]

@@ -41,6 +41,44 @@ def test_the_least_bic_is_not_that_of_a_model_that_grows():
     assert choose(grid(P1Z0=(90.0,), P4Z1=(94.0, "sound")), 0.5)[1] == "P1Z0"
 
 
+def test_the_least_bic_is_not_that_of_a_copy():
+    fits = grid(P2Z1=(94.0,), P2Z0=(94.0,))
+    fits["P2Z1"] = replace(fits["P2Z1"], status="no better than what it contains: P2Z0")
+    assert choose(fits, 0.5)[1] == "P2Z0"
+
+
+def late_lag(delay: float, gaps: int) -> vj.Record:
+    """A lag of 0.3 s that hears its commands late, with noise of 0.005, logged with gaps."""
+    dt, lag, noise = 0.02, 0.3, 0.005
+    rng = np.random.default_rng(5)
+    u = np.repeat(rng.uniform(-1.0, 1.0, 60), 25)
+    heard = np.roll(u, round(delay / dt))
+    heard[: round(delay / dt)] = u[0]
+    y, keep = np.full(u.size, u[0]), np.exp(-dt / lag)
+    for k in range(1, u.size):
+        y[k] = keep * y[k - 1] + (1.0 - keep) * heard[k - 1]
+    y += noise * rng.standard_normal(u.size)
+    edges = np.linspace(0, u.size, gaps + 2).astype(int).tolist()
+    parts = tuple(Segment(a + 30, b) for a, b in zip(edges[:-1], edges[1:], strict=True))
+    plant = vj.PlantSpec("plant", "u", "y")
+    return vj.Record.from_arrays(dt=dt, plants=(plant,), u=u, y=y).select(parts)
+
+
+def test_what_no_fit_saw_behind_a_gap_counts_in_no_score():
+    """It answers to commands that were not logged, and had made the BIC ask for more poles."""
+    log = late_lag(0.2, gaps=5)
+    found = vj.identify(log, "plant", poles=(1, 2), zeros=(0,))
+    assert found["P1Z0"].mse == pytest.approx(0.005**2, rel=0.1)
+    assert found.chosen_by_bic == "P1Z0"
+
+
+@pytest.mark.parametrize(("most", "told"), [(0.1, True), (0.4, False)])
+def test_a_delay_at_its_bound_is_told(most, told):
+    found = vj.identify(late_lag(0.2, gaps=0), "plant", poles=(1,), zeros=(0,), delay=most)
+    said = "the delay is as long as it may be, 0.1 s: allow more by [identify] delay"
+    assert (said in found["P1Z0"].warnings) is told
+
+
 def test_fits_and_grids_are_told_in_a_line():
     found = made_up.order_grid()
     assert "\n" not in repr(found) and f"chosen {found.chosen}" in repr(found)

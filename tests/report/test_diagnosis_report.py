@@ -180,3 +180,13 @@ def test_the_terminal_takes_brackets_for_brackets(monkeypatch):
     monkeypatch.setattr(terminal, "OUT", console)
     terminal.show_diagnosis(dataclasses.replace(diagnosis, findings=(odd,)))
     assert "Motor: [bold] of 5 V [/x]." in console.export_text()
+
+
+def test_a_narrow_terminal_takes_no_digits_from_a_table(monkeypatch):
+    """A number that lacks its end is another number."""
+    console = Console(width=40, record=True)
+    monkeypatch.setattr(terminal, "OUT", console)
+    row = ["powertrain of the car", "P2Z1 (least BIC)", "2.47e-05", "97.09", "12.3"]
+    terminal.show_table(["plant", "order", "MSE", "FIT %", "delay"], [row, row])
+    lines = console.export_text().splitlines()
+    assert len(lines) == 3 and all(cell in lines[1] for cell in row)

@@ -99,7 +99,7 @@ def compare(record: Record, model: Model, *, window: float = 20.0) -> Comparison
         record,
         predictions,
         window,
-        floor=driven("measured responses", Kind.VDM, v, delta),
+        floor=driven("measured responses", kind, v, delta),
         with_measured={
             "v": driven("measured v", kind, v, moved["delta"]),
             "delta": driven("measured delta", kind, moved["v"], delta),

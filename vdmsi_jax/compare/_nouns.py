@@ -113,8 +113,9 @@ class Comparison:
         record: the measurement.
         predictions: by the models' names, in the order to be shown.
         window: length of the windows of `Prediction.windows`, s.
-        floor: the bicycle on the measured speed and angle: the error that no model of the
-            actuators can take away. None where a path or a response was not measured.
+        floor: the bicycle on the measured speed and angle, with what the last model says of body
+            and road: the error that no model of the actuators can take away. None where a path or a
+            response was not measured.
         with_measured: of the last model, by `v` and `delta`, the motion with that response as it
             was measured and the other as predicted: where that is nearer to the measured path, the
             actuator's model is what is wrong. Empty where `floor` is None or that model fails.

@@ -30,6 +30,7 @@ from vdmsi_jax.shown import shown
 
 FORCES = frozenset({"load", "effort"})
 _BETWEEN_ROWS = FORCES | {"held", "output", "sensor"}
+_ROUNDING = 1e-9  # below which a signal in its unit is none
 BODY = frozenset({"speed", "angle", "course", "curvature", "relaxed"})
 PORTS = _BETWEEN_ROWS | BODY | {"command", "measured"}
 
@@ -422,5 +423,7 @@ def first_order(y: Float[Array, " M"], steps: Float[Array, " M"]) -> Float[Array
 
 def within(x: Float[Array, "*n"], size: Float[Array, "*#n"]) -> Float[Array, "*n"]:
     """`x`, cut to plus or minus `size`. Unlike `clip`, whose bounds coincide at size zero, it has
-    the right derivatives there: the sign of `x` to the size, and none to `x`."""
-    return jnp.where(jnp.abs(x) < size, x, jnp.sign(x) * size)
+    the right derivatives there: the sign of `x` to the size, and none to `x`; of what is nothing
+    but rounding (a plant at rest), none to either."""
+    sign = jnp.where(jnp.abs(x) < _ROUNDING, 0.0, jnp.sign(x))
+    return jnp.where(jnp.abs(x) < size, x, sign * size)

@@ -28,6 +28,7 @@ _LONGEST_DELAY = 0.1  # of the record, where the user states no bound
 _DRIFT = 3.0  # points of FIT for which an unsupported order is taken
 _GROWN = 10.0  # points of FIT for which an unsound order is taken
 _ENOUGH = 0.7  # of the samples, that must answer to commands of their own segment
+_AT_ITS_BOUND = 0.5  # samples, by which a delay may miss its bound and is at it
 _SAME_AS = "no better than what it contains: "
 
 
@@ -83,8 +84,9 @@ def order_grid(
         found = search.look_elsewhere(found.values(), delays)
     every = np.ones(len(record.segments), bool)
     details = _simulated(samples, where, found, every, options)
+    told = record, plant, options, scale, measured, longest
     fits = {
-        order: _fit(record, plant, options, scale, point, details[order], scores.get(order))
+        order: _fit(*told, point, details[order], scores.get(order))
         for order, point in found.items()
     }
     fits = _never_falling(fits)
@@ -125,7 +127,7 @@ def choose(fits: Mapping[str, Fit], fit_loss: float) -> tuple[str, str]:
     most = max(fit.fit for fit in usable)
     sound = [fit for fit in usable if fit.sound and fit.fit >= most - _GROWN]
     usable = [fit for fit in usable if fit.sound] if sound else usable
-    by_bic = min(usable, key=lambda fit: fit.bic)
+    by_bic = min(usable, key=lambda fit: (fit.bic, fit.status.startswith(_SAME_AS)))  # not a copy
     best = max(usable, key=lambda fit: fit.fit)
     supported = [fit for fit in usable if fit.supported and fit.fit >= best.fit - _DRIFT]
     usable = supported or usable
@@ -227,11 +229,14 @@ def _fit(
     plant: PlantSpec,
     options: IdentifyOptions,
     scale: Scale,
+    counted: NDArray[np.bool_],
+    longest: int,
     point: Point,
     simulated: tuple[Floats, Floats, Floats],
     score: _Score | None,
 ) -> Fit:
-    """The result for one order: parameters in units, their covariance, criteria, warnings."""
+    """The result for one order: parameters in units, their covariance, criteria, warnings. What the
+    fit did not see behind a gap counts in none of them."""
     n, m = point.order
     has_delay = options.delay is not False
     beta, predicted, sensitivities = simulated
@@ -245,15 +250,14 @@ def _fit(
     parameters = np.concatenate([point.a, [point.d], beta])[columns] * units
     value = dict(zip(names, parameters.tolist(), strict=True))
 
-    measured = record.measured(plant.output)
     y, predicted = record[plant.output], predicted * scale.y
     jacobian = sensitivities[:, columns] * scale.y / units
     lost = len(parameters) + n * len(record.segments)
     sensible = np.array([not (name == "delay" and n == m) for name in names])
     covariance = np.zeros((len(names), len(names)))
     covariance[np.ix_(sensible, sensible)] = parameter_covariance(
-        np.where(measured[:, None], jacobian, 0.0)[:, sensible],
-        np.where(measured, y - predicted, 0.0),
+        np.where(counted[:, None], jacobian, 0.0)[:, sensible],
+        np.where(counted, y - predicted, 0.0),
         [slice(s.start, s.stop) for s in record.segments],
         lost,
     )
@@ -267,27 +271,33 @@ def _fit(
         dt=record.dt,
         duration=max(len(segment) for segment in record.segments) * record.dt,
     )
-    mse = float(metrics.mse(y[measured], predicted[measured]))
-    likelihood = measured.sum() * math.log(max(mse, 1e-300))
+    warnings = [remark.message for remark in remarks]
+    if has_delay and point.d > longest - _AT_ITS_BOUND:
+        most = f"{longest * record.dt:g} s"
+        warnings.append(
+            f"the delay is as long as it may be, {most}: allow more by [identify] delay"
+        )
+    mse = float(metrics.mse(y[counted], predicted[counted]))
+    likelihood = counted.sum() * math.log(max(mse, 1e-300))
     return Fit(
         order=f"P{n}Z{m}",
         plant=plant,
         status="converged" if point.converged else "rounds exhausted: the search still gained",
         model=TransferFunction(num, den, delay=value.get("delay"), offset=value.get("offset")),
-        fit=float(metrics.fit(y[measured], predicted[measured])),
+        fit=float(metrics.fit(y[counted], predicted[counted])),
         mse=mse,
         held_out_fit=score.fit if score else math.nan,
         held_out_mse=score.mse if score else math.nan,
         aic=likelihood + 2 * lost,
-        bic=likelihood + math.log(measured.sum()) * lost,
+        bic=likelihood + math.log(counted.sum()) * lost,
         parameter_names=tuple(names),
         parameters=parameters,
         covariance=covariance,
         predicted=predicted,
         held_out_predicted=score.predicted if score else np.zeros(0),
-        residual=np.where(measured, y - predicted, np.nan),
+        residual=np.where(counted, y - predicted, np.nan),
         jacobian=jacobian,
-        warnings=tuple(remark.message for remark in remarks),
+        warnings=tuple(warnings),
         supported=not any(remark.unsupported for remark in remarks),
         sound=not any(remark.unsound for remark in remarks),
     )
