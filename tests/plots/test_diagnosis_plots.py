@@ -156,6 +156,20 @@ def test_gains_show_every_finding_before_and_after():
     assert all(low < g.before < high and low < g.after < high for g in (f.gain for f in d.findings))
 
 
+def test_gains_stay_below_the_whole_and_their_numbers_within_the_axes():
+    d = made_up_diagnosis.explained()
+    first, *others = d.findings
+    narrow = dataclasses.replace(first.gain, se=20.0, ate_before=0.02, ate_after=0.01)
+    d = dataclasses.replace(d, findings=(dataclasses.replace(first, gain=narrow), *others))
+    figure = plots.gains(d)
+    fits, road = figure.axes
+    (bars,) = fits.containers
+    ends = np.concatenate([path.vertices[:, 0] for path in bars[2][0].get_paths()])
+    assert ends.max() <= 100.0 and ends.min() < first.gain.after - 30.0
+    figure.draw_without_rendering()
+    assert all(text.get_window_extent().x0 > road.bbox.x0 for text in road.texts)
+
+
 def test_a_budget_fills_each_bar_to_the_whole(diagnosis):
     if not diagnosis.budget:
         pytest.skip("it has none")
@@ -163,6 +177,27 @@ def test_a_budget_fills_each_bar_to_the_whole(diagnosis):
     for row, _ in enumerate(diagnosis.budget):
         bars = [bar for bar in axes.patches if np.isclose(bar.get_y() + 0.31, row)]
         assert np.isclose(sum(bar.get_width() for bar in bars), 100.0)
+    several = len({cause for budget in diagnosis.budget for cause in budget.parts}) > 1
+    assert ("all orders" in axes.get_xlabel()) == several
+
+
+def test_an_rms_says_whether_it_is_that_of_a_window():
+    d = made_up_diagnosis.explained()
+    whole = plots.overlay(leading_response(d)).axes
+    (said,) = [legend for axes in whole if "rms" in (legend := legend_of(axes))]
+    assert "here" not in said
+    (said,) = [legend for axes in plots.diagnosis(d).axes if "rms" in (legend := legend_of(axes))]
+    assert said.count("rms here") == 2
+
+
+def legend_of(axes) -> str:
+    legend = axes.get_legend()
+    return "" if legend is None else " ".join(text.get_text() for text in legend.get_texts())
+
+
+def test_the_start_of_a_path_is_told_beside_it():
+    axes = plots.paths_before_after(made_up_diagnosis.explained()).axes[0]
+    assert "start" in legend_of(axes) and not axes.texts
 
 
 def test_a_path_is_drawn_only_where_there_is_one():

@@ -12,6 +12,8 @@ import made_up
 from vdmsi_jax import plots
 from vdmsi_jax.errors import InputError
 from vdmsi_jax.plots.style import envelope, squared_unit, unit_label
+from vdmsi_jax.reproduce.beyond import recorded
+from vdmsi_jax.reproduce.published import TABLE_3
 
 FIGURES = {
     "order_grid": lambda grid, comparison: plots.order_grid(grid),
@@ -162,6 +164,59 @@ def test_units_read_as_people_write_them():
     assert unit_label("throttle", "1") == "throttle"
     assert unit_label("MSE", squared_unit("rad")) == "MSE (rad²)"
     assert unit_label("MSE", squared_unit("m/s")) == "MSE ((m/s)²)"
+
+
+def test_windows_are_drawn_where_they_say_more_than_the_whole_run(results):
+    _, comparison = results
+    assert len(plots.translation_error(comparison).axes) == 2
+    one = {
+        name: dataclasses.replace(own, windows=own.whole)
+        for name, own in comparison.predictions.items()
+    }
+    (axes,) = plots.translation_error(dataclasses.replace(comparison, predictions=one)).axes
+    assert "whole run" in axes.get_title(loc="left") and axes.get_xlabel() == "time t (s)"
+
+
+def test_a_flat_path_takes_a_flat_picture(results):
+    _, comparison = results
+    along, still = np.linspace(0.0, 100.0, comparison.record.n), np.zeros(comparison.record.n)
+    heights = []
+    for x, y in ((along, still), (still, along)):
+        channels = comparison.record.channels | {"x": x, "y": y}
+        record = dataclasses.replace(comparison.record, channels=channels)
+        driven = dataclasses.replace(comparison, record=record, predictions={})
+        heights.append(plots.paths(driven).get_size_inches()[1])
+    assert heights == [2.6, 6.5]
+
+
+def test_bands_are_told_and_axes_named(results):
+    grid, _ = results
+    _, step, gain, phase = plots.responses(grid["P1Z0"], grid.record).axes
+    for axes in (step, gain, phase):
+        (said,) = axes.get_legend().get_texts()
+        assert said.get_text().startswith("95 %")
+    assert step.get_ylabel().startswith("steering angle δ\nper steering command")
+    sure = dataclasses.replace(grid["P1Z0"], covariance=0.0 * grid["P1Z0"].covariance)
+    (said,) = plots.responses(sure, grid.record).axes[1].get_legend().get_texts()
+    assert said.get_text() == "95 %, as narrow as the line"
+
+
+def test_intervals_and_marks_of_the_studies_are_told():
+    document = recorded()
+    published = {
+        course: {"improved": dict.fromkeys(rows["VDM"], 70.0)} for course, rows in TABLE_3.items()
+    }
+    figure = plots.distribution(document["population"], published)
+    said = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert {"asked of VDM-SI, 70 %", "middle 95 % of the vehicles"} <= set(said)
+    for axes in figure.axes[2:]:
+        lines = [np.asarray(line.get_xdata(), float) for line in axes.lines]
+        lows = [float(x.min()) for x in lines if x.size]
+        assert min(lows) > axes.get_xlim()[0] + 3.0
+    labels = [
+        axes.get_xlabel() for axes in plots.steering_explained(document["steering_model"]).axes
+    ]
+    assert "middle 95 %" in labels[1]
 
 
 def test_clocks_and_maps_that_count_from_afar_are_drawn_from_the_start(results):

@@ -36,7 +36,7 @@ def distribution(population: Mapping[str, Any], published: Mapping[str, Any]) ->
         population: of the document.
         published: table 3 of `results.json`, for the marks of what the paper printed.
     """
-    figure = Figure(figsize=(WIDTH, 5.6))
+    figure = Figure(figsize=(WIDTH, 5.8))
     panels = figure.subplots(2, len(SCENARIOS), height_ratios=(1.0, 1.15))
     for above, below, letter, (scenario, title) in zip(
         *panels, "ab", SCENARIOS.items(), strict=True
@@ -51,7 +51,10 @@ def distribution(population: Mapping[str, Any], published: Mapping[str, Any]) ->
             said = published[scenario]["improved"][row["statistic"]]
             mark = {"label": "published"} if i == 0 else {}
             below.plot(said, i - 0.15, "D", ms=6, mfc="none", mec=INK, mew=1.1, zorder=5, **mark)
-        below.axvline(ASKED, color=MUTED, lw=0.9, ls=(0, (4, 3)))
+        asked = {"label": f"asked of VDM-SI, {ASKED:g} %"}
+        below.axvline(ASKED, color=MUTED, lw=0.9, ls=(0, (4, 3)), **asked)
+        below.plot([], [], color=MUTED, lw=2.2, alpha=0.6, label="middle 95 % of the vehicles")
+        below.margins(x=0.04)
         below.set_yticks(range(len(rows)), [f"{row['statistic']} error" for row in rows])
         below.set_ylim(len(rows) - 0.5, -0.5)
         below.set_xlim(right=101.0)
@@ -241,5 +244,5 @@ def _zeros(axes: Axes, steering: Mapping[str, Any]) -> None:
     axes.set_ylim(len(rows) - 0.4, -1.6)
     axes.set_xscale("symlog", linthresh=0.02)
     axes.grid(False, axis="y")
-    axes.set_xlabel("slow zero of P2Z2 (rad/s)")
+    axes.set_xlabel("slow zero of P2Z2 (rad/s); median and middle 95 %")
     axes.set_title("(b) what the paper's order makes of a fault; in colour where it looks alike")

@@ -31,7 +31,9 @@ NOISE, UNEXPLAINED = "#d5d9de", "#6b7280"
 PATHS = 4
 """Held-out drives that are drawn one below the other, at most."""
 _MOST = 101.0  # %, up to which an axis of FIT goes
-_LEGEND = ["baseline", "without", "with, ±1.96 se", "predicted", "noise ceiling"]
+_WITH, _FIRST = "with, ±1.96 se of the rise", "predicted at first"
+_LEGEND = ["baseline", "without", _WITH, _FIRST, "noise ceiling"]
+_SHARED = "mean over all orders of putting in causes, not what leaving one out would cost"
 
 
 @styled
@@ -46,7 +48,7 @@ def diagnosis(d: Diagnosis) -> Figure:
         heights["signals"] = 4.1
     heights["gains"] = 1.2 + 0.55 * max(len(d.findings) or len(d.channels), 1)
     if d.budget:
-        heights["budget"] = 1.2 + 0.45 * len(d.budget)
+        heights["budget"] = 1.35 + 0.45 * len(d.budget)
     figure = Figure(figsize=(WIDTH, sum(heights.values())))
     ratios = list(heights.values())
     parts = figure.subfigures(len(heights), 1, squeeze=False, height_ratios=ratios)
@@ -88,6 +90,7 @@ def _draw_overview(figure: SubFigure, d: Diagnosis) -> None:
         legend_above(axes[name])
     if d.paths:
         _draw_path(axes["p"], *worst_paths(d.paths, 1))
+        legend_above(axes["p"], handles=[axes["p"].lines[-1]])  # the other colours stand beside it
 
 
 def leading_response(d: Diagnosis) -> Response:
@@ -105,9 +108,10 @@ def leading_response(d: Diagnosis) -> Response:
 
 @styled
 def gains(d: Diagnosis) -> Figure:
-    """FIT before and after each finding on held-out data, with the error bar of the difference,
-    what the screen had predicted, and the noise ceiling; and the mean translation error where the
-    drive has a pose. Without a finding, the FIT of each channel beside its ceiling."""
+    """FIT before and after each finding on held-out data, with the error bar of the difference (cut
+    at 100 %), what the screen had predicted before the cause was refitted, and the noise ceiling;
+    and the mean translation error where the drive has a pose. Without a finding, the FIT of each
+    channel beside its ceiling."""
     road = [f for f in d.findings if f.gain.ate_before is not None]
     rows = len(d.findings) or len(d.channels)
     columns, left = 2 if road else 1, room_for(_gain_rows(d))
@@ -138,12 +142,13 @@ def _draw_gains(axes: Axes, d: Diagnosis) -> None:
         )
         axes.hlines(at, before, after, color=EXTENDED, lw=3.0, alpha=0.3)
         axes.plot(before, at, "o", color=BASELINE, label="without")
-        bars = {"fmt": "o", "color": EXTENDED, "capsize": 3, "label": "with, ±1.96 se"}
-        axes.errorbar(after, at, xerr=[1.96 * np.nan_to_num(g.se) for g in worth], **bars)
+        bars = {"fmt": "o", "color": EXTENDED, "capsize": 3, "label": _WITH}
+        half = 1.96 * np.nan_to_num([g.se for g in worth])
+        axes.errorbar(after, at, xerr=[half, np.minimum(half, 100.0 - after)], **bars)
         told = [f.predicted_gain.after if f.predicted_gain else np.nan for f in d.findings]
         if np.isfinite(told).any():
             style = {"marker": "D", "ms": 7, "mfc": "none", "mec": INK, "mew": 0.9, "ls": "none"}
-            axes.plot(told, at, label="predicted", zorder=4, **style)
+            axes.plot(told, at, label=_FIRST, zorder=4, **style)
         scores = [d.channels.get(gain.channel) for gain in worth]
         _ceilings(axes, [np.nan if score is None else score.ceiling for score in scores])
         for y, low, high in zip(at, before, after, strict=True):
@@ -190,6 +195,7 @@ def _rows(axes: Axes, labels: Sequence[str]) -> None:
 
 def _draw_errors(axes: Axes, findings: Sequence[Finding]) -> None:
     """Mean translation error without and with each finding."""
+    reach = max(max(f.gain.ate_before or 0.0, f.gain.ate_after or 0.0) for f in findings)
     for y, finding in enumerate(findings):
         before, after = finding.gain.ate_before, finding.gain.ate_after
         if before is None or after is None:
@@ -198,8 +204,9 @@ def _draw_errors(axes: Axes, findings: Sequence[Finding]) -> None:
         axes.plot(before, y, "o", color=BASELINE)
         axes.plot(after, y, "o", color=EXTENDED)
         text = f"{before:.2f} → {after:.2f} m"
-        where, move = ((before + after) / 2.0, y), (0, 9)
-        axes.annotate(text, where, move, textcoords="offset points", ha="center", fontsize=8)
+        middle = min(max((before + after) / 2.0, 0.22 * reach), 0.9 * reach)  # within the axes
+        options = {"textcoords": "offset points", "ha": "center", "fontsize": 8}
+        axes.annotate(text, (middle, y), (0, 9), **options)
     axes.set_title("on the road", pad=20)
     axes.set_xlabel("mean translation error (m)")
     axes.set_xlim(0.0, 1.12 * axes.dataLim.x1)
@@ -208,10 +215,12 @@ def _draw_errors(axes: Axes, findings: Sequence[Finding]) -> None:
 @styled
 def budget(d: Diagnosis) -> Figure:
     """Who is responsible: of the baseline's error of each channel and of the path, the shares of
-    each cause, of the noise, and of what stays unexplained."""
+    each cause, of the noise, and of what stays unexplained. The share of a cause is the mean over
+    all orders in which the causes may be put in (Shapley values); the sentence of a finding says
+    instead what leaving that one out would cost."""
     labels, pad = [_budget_label(b) for b in d.budget], _over_budget(_responsible(d.budget))
-    height = 1.5 + 0.5 * max(len(d.budget), 1)
-    figure = framed(height, left=room_for(labels), right=0.2, top=0.25 + pad / 72.0)
+    height = 1.65 + 0.5 * max(len(d.budget), 1)
+    figure = framed(height, left=room_for(labels), right=0.2, top=0.25 + pad / 72.0, bottom=0.65)
     _draw_budget(figure.subplots(), d.budget)
     return figure
 
@@ -258,7 +267,8 @@ def _draw_budget(axes: Axes, budgets: Sequence[Budget]) -> None:
     _rows(axes, [_budget_label(budget) for budget in budgets])
     axes.axvline(0.0, color=INK, lw=0.8)
     axes.set_title("who is responsible for the error", pad=_over_budget(causes))
-    axes.set_xlabel("share of the baseline's error (%)")
+    label = "share of the baseline's error (%)"
+    axes.set_xlabel(f"{label}\n{_SHARED}" if len(causes) > 1 else label)
     legend_above(axes, columns=4)
 
 
@@ -313,8 +323,9 @@ def _draw_path(axes: Axes, path: Path) -> None:
     for name, poses, tone in _simulated(path):
         axes.plot(*(poses[::step, :2] - origin).T, color=tone, lw=1.4, label=name)
     x, y = path.measured[0, :2] - origin
-    axes.plot(x, y, "o", color=COLOURS["measured"], mfc="white", ms=6, mew=1.5, zorder=4)
-    axes.annotate("start", (x, y), (6, 6), textcoords="offset points", fontsize=8)
+    axes.plot(
+        x, y, "o", color=COLOURS["measured"], mfc="white", ms=6, mew=1.5, zorder=4, label="start"
+    )
     axes.set_title(f"path of {path.run}", pad=20)
     legend_above(axes)
 

@@ -17,15 +17,18 @@ from ..bands import (
 )
 from ..data.record import Record
 from ..identify.result import Fit
+from .signals import NAMES
 from .style import COLOURS, INK, MUTED, WIDTH, legend_above, pretty_unit, styled
 
 CHI_SQUARE_95 = 5.991
 """Of two degrees of freedom: the squared radius of a 95 % ellipse."""
+_LINE = 0.03  # of what an axis spans: a band no wider is hardly seen beside its line
 
 
 @styled
 def responses(fit: Fit, record: Record) -> Figure:
-    """Pole-zero map, step response and Bode plot of a fit, each with its 95 % interval."""
+    """Pole-zero map, step response and Bode plot of a fit, each with its 95 % interval; the legend
+    says where that is as narrow as the line."""
     figure = Figure(figsize=(WIDTH, 5.4))
     axes = figure.subplot_mosaic("ps;gh")
     _pole_zero_map(axes["p"], pole_uncertainty(fit), zero_uncertainty(fit))
@@ -36,7 +39,8 @@ def responses(fit: Fit, record: Record) -> Figure:
     _draw_band(axes["s"], step_band(fit, t))
     axes["s"].set_title("step response")
     axes["s"].set_xlabel("time (s)")
-    axes["s"].set_ylabel(f"{fit.plant.output} / {fit.plant.input}{ratio}")
+    output, command = (NAMES.get(c, c) for c in (fit.plant.output, fit.plant.input))
+    axes["s"].set_ylabel(f"{output}\nper {command}{ratio}")
 
     nyquist = np.pi / record.dt
     low = max(2.0 * np.pi / max(record.duration, 1e-9), nyquist * 1e-4)
@@ -56,10 +60,15 @@ def responses(fit: Fit, record: Record) -> Figure:
 
 def _draw_band(axes: Axes, band: Band) -> None:
     span = np.ptp(band.value[np.isfinite(band.value)]) or 1.0
+    steep = np.gradient(band.value) * len(band.value) / span  # heights per width of the axes
+    across = (band.high - band.low) / np.hypot(1.0, 0.5 * steep)  # axes are twice as wide as high
+    seen = np.nanmax(across) > _LINE * span
     low = np.maximum(band.low, band.value.min() - 2 * span)  # a wild band must not hide the curve
     high = np.minimum(band.high, band.value.max() + 2 * span)
-    axes.fill_between(band.at, low, high, color=COLOURS["VDM-SI"], alpha=0.22, lw=0, label="95 %")
+    label = "95 %" if seen else "95 %, as narrow as the line"
+    axes.fill_between(band.at, low, high, color=COLOURS["VDM-SI"], alpha=0.22, lw=0, label=label)
     axes.plot(band.at, band.value, color=COLOURS["VDM-SI"])
+    legend_above(axes)
 
 
 def _pole_zero_map(axes: Axes, poles: list[Root], zeros: list[Root]) -> None:

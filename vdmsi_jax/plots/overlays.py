@@ -108,12 +108,13 @@ def draw_signals(axes: Axes, response: Response, run: Run, part: slice) -> None:
 
 
 def draw_residuals(axes: Axes, response: Response, run: Run, part: slice) -> None:
-    """Measured less simulated over a part of a run, with its root mean square."""
+    """Measured less simulated over a part of a run, with the root mean square of that part."""
+    where = " here" if part.stop - part.start < len(run.t) else ""
     axes.axhline(0.0, color=MUTED, lw=0.8)
     for name, values, tone in _simulations(response, run):
         residual = (run.y - values)[part]
         rms = np.sqrt(np.nanmean(residual**2))
-        label = f"{name}, rms {rms:.2g} {pretty_unit(response.unit)}".removesuffix(" 1")
+        label = f"{name}, rms{where} {rms:.2g} {pretty_unit(response.unit)}".removesuffix(" 1")
         axes.plot(*envelope(run.t[part], residual), color=tone, lw=0.9, alpha=0.85, label=label)
     axes.set_ylabel(unit_label("residual", response.unit))
 

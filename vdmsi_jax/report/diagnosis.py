@@ -258,8 +258,8 @@ def _changes(d: Diagnosis) -> list[Block]:
               f"baseline. Predicted is what the first steps from the screen had promised.{seen}"),
         Picture(
             plots.to_svg(plots.gains(d), "gains"),
-            "FIT without and with each cause, with 95 % error bars of the gain, beside the FIT "
-            "that noise allows.",
+            "FIT without and with each cause, with 95 % error bars of the gain, beside what the "
+            "screen had predicted at first and the FIT that noise allows.",
         ),
     ]  # fmt: skip
     if d.ate:
