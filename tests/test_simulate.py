@@ -162,6 +162,20 @@ def test_many_scenarios_and_many_models_are_the_single_ones():
         assert largest_difference(one, picked, ("t", "x", "y", "psi", "v", "delta", "a")) < 1e-11
 
 
+def test_whole_numbers_have_derivatives_and_any_numbers_share_one_program():
+    row = np.full(9, 2.0)
+    integers = Vehicle(Bicycle(1, 1)), Commands(row, row // 10, 1), Start(0, 0, 0)
+    numpys = (
+        Vehicle(Bicycle(np.float64(1), np.float64(1))),
+        Commands(jnp.asarray(row), row // 10, np.float64(1)),
+        Start(*jnp.zeros(3)),
+    )
+    kinds = [jax.tree.map(jax.typeof, given) for given in (integers, numpys)]
+    assert kinds[0] == kinds[1] and not any(kind.weak_type for kind in jax.tree.leaves(kinds))
+    slope = eqx.filter_grad(lambda given: simulate(*given).x[-1])(integers)
+    assert float(slope[2].x) == 1.0 and slope[0].bicycle.l_f is not None
+
+
 def test_batches_must_agree():
     drive = commands()
     with pytest.raises(ValueError, match="batch length"):
