@@ -29,6 +29,8 @@ def test_the_example_of_what_stands_in_memory_finds_the_plant_and_leaves_its_fil
     assert list(made["grid"].fits) == ["P1Z0"] and made["grid"].best.fit > 90.0
     assert made["drives"].x.shape == (2, 500)
     assert np.abs(made["driven"].delta).max() <= 0.25 + 1e-9
+    kept = vj.load_model(tmp_path / "limited.json").plants["steering"].model
+    assert repr(kept) == repr(made["limited"]) and made["log"].name == "known"
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"identify.json", "report.html"}
 
 

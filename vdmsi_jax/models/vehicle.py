@@ -126,8 +126,8 @@ def _of_one_kind(plants: Sequence[AbstractPlant]) -> Sequence[AbstractPlant]:
             return plants
         problem = "a plant with effects stands beside one with others, or of another order"
         mend = (
-            "give plants of one kind: an ExtendedPlant in each, their orders alike, and all effects "
-            "in each, those not wanted off, as Backlash() is"
+            "give plants of one kind: an ExtendedPlant in each, their orders alike, and all "
+            "effects in each, those not wanted off, as Backlash() is"
         )
         raise ValueError(f"{problem}; {mend}") from why
 

@@ -43,7 +43,8 @@ def _annotated(module: Any, path: tuple) -> int | None:
     if not isinstance(last, GetAttrKey):
         return None
     kind = next(field.type for field in dataclasses.fields(module) if field.name == last.name)
-    told = [own.dim_str for own in (kind, *get_args(kind)) if hasattr(own, "dim_str")]
-    if len(told) != 1 or "*" in told[0] or "..." in told[0]:
+    told = [getattr(own, "dim_str", None) for own in (kind, *get_args(kind))]
+    dims = [shape.split() for shape in told if shape is not None]
+    if len(dims) != 1 or any("*" in dim or "..." in dim for dim in dims[0]):
         return None
-    return len(told[0].split())
+    return len(dims[0])

@@ -77,9 +77,10 @@ def simulate_many(
     """`simulate` over many vehicles, many records of commands, or both pairwise.
 
     Whatever has a leading axis is batched, the rest is shared: vehicles by `stack_vehicles` or
-    `eqx.filter_vmap`, or a single number of one (`eqx.tree_at` puts K of them there), commands of the shape `(K, N)` whose `dt` and the like have none or `(K,)`,
-    starts of the shape `(K,)`. Batches of `batch_size` keep the memory small, and on a CPU are
-    faster than one `jax.vmap` over thousands.
+    `eqx.filter_vmap`, or a single number of one (`eqx.tree_at` puts K of them there), commands of
+    the shape `(K, N)` whose `dt` and the like have none or `(K,)`, starts of the shape `(K,)`.
+    Batches of `batch_size` keep the memory small, and on a CPU are faster than one `jax.vmap` over
+    thousands.
 
     Args:
         vehicles: one or K; a model is the one vehicle that it describes.
