@@ -195,7 +195,7 @@ def test_vehicles_with_effects_in_their_plants_are_stacked_too():
     for lane, own in enumerate(vehicles):
         np.testing.assert_allclose(many.x[lane], simulate(own, drive).x, atol=METRES)
     other = vehicle(*vehicles[0].effects, steering=ExtendedPlant(STEERING, (Backlash(0.02),)))
-    with pytest.raises(ValueError, match="of one kind"):
+    with pytest.raises(ValueError, match="give plants of one kind"):
         stack_vehicles([vehicles[0], other])
 
 

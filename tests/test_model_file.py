@@ -21,9 +21,11 @@ from vdmsi_jax.errors import InputError
 from vdmsi_jax.files import write_json
 from vdmsi_jax.identify.document import identify_document
 from vdmsi_jax.model_file import Model, Plant, load_model, save_model
+from vdmsi_jax.models.bicycle import Bicycle
 from vdmsi_jax.models.extended_plant import ExtendedPlant
 from vdmsi_jax.models.following import FollowedAtOnce
 from vdmsi_jax.models.transfer_function import TransferFunction
+from vdmsi_jax.models.vehicle import Vehicle
 from vdmsi_jax.parameters import parameters
 
 
@@ -219,6 +221,9 @@ class Homemade(AbstractEffect):
 
 def test_path_and_model_are_not_exchanged_in_silence(unchecked, tmp_path, grid):
     model = identified({"steering": grid})
+    vehicle = Vehicle(Bicycle(1.0, 1.0))
+    with pytest.raises(InputError, match=r"Vehicle is no model; make one .*Model\(\{.steering"):
+        save_model(tmp_path / "model.json", vehicle)
     with pytest.raises(InputError, match=r"str is no model; .*save_model\(path, model\)"):
         save_model(model, str(tmp_path / "model.json"))
 
@@ -317,3 +322,11 @@ def test_a_wrong_effect_is_refused_in_one_line(tmp_path, change, told):
     with pytest.raises(InputError, match=told) as refused:
         load_model(path)
     assert "\n" not in str(refused.value) and str(path) in str(refused.value)
+
+
+def test_a_model_prints_its_plants_and_causes():
+    late = ExtendedPlant(TransferFunction([8.0], [1.0, 8.0]), Backlash(0.02))
+    plants = {"steering": Plant(PlantSpec("steering", "delta_cmd", "delta"), late)}
+    said = repr(Model(plants, VehicleGeometry(1.0, 1.2), sensors=(("delta", SensorBias(0.01)),)))
+    assert said.startswith("<Model steering=ExtendedPlant(") and "Backlash(gap=0.02)" in said
+    assert "SensorBias(bias=0.01" in said and "of delta" in said and "l_r=1.2" in said

@@ -32,6 +32,7 @@ from vdmsi_jax.simulate import (
     simulate,
     simulate_many,
 )
+from vdmsi_jax.simulate._given import as_vehicle
 
 DT, ROWS = 0.01, 4001  # one length: a program that is compiled serves many tests
 METRES = 1e-8  # after 40 s: what the solver's tolerance and three Gauss nodes leave
@@ -162,6 +163,46 @@ def test_many_scenarios_and_many_models_are_the_single_ones():
         assert largest_difference(one, picked, ("t", "x", "y", "psi", "v", "delta", "a")) < 1e-11
 
 
+def test_whole_numbers_have_derivatives_and_any_numbers_share_one_program():
+    row = np.full(9, 2.0)
+    integers = Vehicle(Bicycle(1, 1)), Commands(row, row // 10, 1), Start(0, 0, 0)
+    numpys = (
+        Vehicle(Bicycle(np.float64(1), np.float64(1))),
+        Commands(jnp.asarray(row), row // 10, np.float64(1)),
+        Start(*jnp.zeros(3)),
+    )
+    kinds = [jax.tree.map(jax.typeof, given) for given in (integers, numpys)]
+    assert kinds[0] == kinds[1] and not any(kind.weak_type for kind in jax.tree.leaves(kinds))
+    slope = eqx.filter_grad(lambda given: simulate(*given).x[-1])(integers)
+    assert float(slope[2].x) == 1.0 and slope[0].bicycle.l_f is not None
+
+
+@pytest.mark.parametrize("with_commands", [False, True])
+@pytest.mark.parametrize(
+    "where",
+    [lambda v: v.steering.delay, lambda v: v.bicycle.l_f, lambda v: v.steering.den],
+    ids=["delay", "l_f", "den"],
+)
+def test_one_number_of_a_vehicle_may_be_batched_alone(where, with_commands):
+    vehicle, drive = VEHICLES["two delays"], commands(rows=9)
+    scales = jnp.array([1.0, 1.1, 1.3])
+    many = eqx.tree_at(where, vehicle, jnp.stack([scale * where(vehicle) for scale in scales]))
+    drives = jax.tree.map(lambda row: jnp.stack([row] * 3), drive) if with_commands else drive
+    paths = simulate_many(many, drives)
+    one = simulate(eqx.tree_at(where, vehicle, 1.3 * where(vehicle)), drive)
+    assert paths.x.shape == (3, 9)
+    np.testing.assert_allclose(paths.poses[2], one.poses, atol=1e-12)
+
+
+def test_a_plain_number_in_a_vehicle_needs_no_program_of_its_own():
+    vehicle, drive, made = VEHICLES["two delays"], commands(rows=9), []
+    for delay in (0.01, np.float64(0.02), jnp.asarray(0.03, float)):
+        late = as_vehicle(eqx.tree_at(lambda v: v.steering.delay, vehicle, delay))
+        made.append(jax.tree.map(jax.typeof, late))
+        assert simulate(late, drive).ok
+    assert made[0] == made[1] == made[2]
+
+
 def test_batches_must_agree():
     drive = commands()
     with pytest.raises(ValueError, match="batch length"):
@@ -174,7 +215,7 @@ def test_batches_must_agree():
 def test_what_cannot_be_stacked_is_refused():
     with pytest.raises(ValueError, match="speed_input"):
         stack_vehicles([VEHICLES["VDM-SI"], VEHICLES["velocity"]])
-    with pytest.raises(ValueError, match="of one kind"):
+    with pytest.raises(ValueError, match="orders alike, and all effects .* not wanted off"):
         stack_vehicles([Vehicle(BICYCLE, RateLimited(1.0)), VEHICLES["VDM"]])
 
 

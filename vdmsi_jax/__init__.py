@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from .metrics import fit as fit
     from .metrics import mse as mse
     from .model_file import Model as Model
+    from .model_file import Plant as Plant
     from .model_file import load_model as load_model
     from .model_file import save_model as save_model
     from .models.bicycle import Bicycle as Bicycle
@@ -87,7 +88,7 @@ _HOMES = {
     "identify.result": ("Fit", "OrderGrid"),
     "identify.vehicle": ("identify_vehicle",),
     "metrics": ("ate", "fit", "mse"),
-    "model_file": ("Model", "load_model", "save_model"),
+    "model_file": ("Model", "Plant", "load_model", "save_model"),
     "models.bicycle": ("Bicycle",),
     "models.extended_plant": ("ExtendedPlant",),
     "models.transfer_function": ("TransferFunction",),

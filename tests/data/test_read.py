@@ -130,6 +130,8 @@ def test_arrays_go_through_the_same_repairs_as_the_file_that_holds_them(tmp_path
 def test_logs_in_memory_are_numbered_and_stand_beside_files(tmp_path):
     logs = read_logs([drive(), write_csv(tmp_path / "run.csv", drive()), drive(400)])
     assert [log.name for log in logs] == ["arrays-1", "run", "arrays-2"]
+    alone = read_log(drive(), name="Tuesday")
+    assert alone.name == alone.segments[0].run == "Tuesday"
 
 
 def test_arrays_are_refused_with_their_name_and_the_mend(tmp_path):

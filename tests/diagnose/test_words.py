@@ -22,6 +22,11 @@ def said(before, after, **more) -> str:
     return sentence(found(before, after, **more))
 
 
+def test_a_finding_prints_its_sizes_and_its_gain():
+    shown = "<Finding saturation (powertrain, of the command): upper 1.36 ± 0.02 m/s; FIT of v"
+    assert repr(found()) == f"{shown} 80.0 to 90.0 %>"
+
+
 def test_a_gain_rises_and_a_loss_falls():
     assert "FIT of v on held-out driving rises from 80.0 to 90.0 % with it" in said(80.0, 90.0)
     worse = said(33.6, 21.5, typical=0.99)

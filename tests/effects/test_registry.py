@@ -131,6 +131,17 @@ def test_a_limit_in_the_place_of_its_inverse_is_refused_where_that_shows():
 
 def test_an_effect_prints_its_numbers():
     assert repr(DeadZone(0.25)) == "DeadZone(half_width=0.25)"
+    limited = Saturation.of(lower=-1, upper=4.0)
+    assert repr(limited) == "Saturation.of(upper=4.0, lower=1.0)"
+    assert repr(Saturation.of(upper=2.0, at="response")).startswith(
+        "Saturation.of(upper=2.0, lower=inf"
+    )
+    assert "effects=(Saturation.of(" in repr(
+        ExtendedPlant(TransferFunction([2.0], [1.0, 2.0]), limited)
+    )
+    traced = []
+    jax.jit(lambda effect: traced.append(repr(effect)))(limited)
+    assert traced[0].startswith("Saturation(upper=f64[]")
     assert "num=[2.0]" in repr(
         ExtendedPlant(TransferFunction([2.0], [1.0, 2.0]), (DeadZone(0.25),))
     )

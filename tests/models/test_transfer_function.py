@@ -94,6 +94,16 @@ def test_gradient_is_the_same_in_both_modes_and_by_differences(poles, zeros):
     np.testing.assert_allclose(forward @ direction, slope, rtol=1e-5)
 
 
+def test_the_leading_coefficient_has_no_derivative_anywhere():
+    def told(model):
+        moved = model.simulate(jnp.arange(5.0), DT).y[-1] + model.dc_gain()
+        at_three = jnp.abs(model.frequency_response(3.0))
+        return moved + at_three + model.step_response(jnp.ones(1))[0] + model.poles()[0].imag
+
+    den = eqx.filter_grad(told)(TransferFunction([25.0], [1.0, 6.0, 25.0])).den
+    assert den[0] == 0.0 and (den[1:] != 0.0).all()
+
+
 def test_a_transfer_function_prints_its_numbers_and_only_its_shapes_while_it_is_traced():
     plant = TransferFunction([20.0, 1.0 / 3.0], [2.0, 3.0, 8.0], delay=0.06)
     shown = "TransferFunction(num=[10.0, 0.166667], den=[1.0, 1.5, 4.0], delay=0.06)"

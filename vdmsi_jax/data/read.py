@@ -49,7 +49,9 @@ Log = str | PathLike[str] | Arrays
 _IN_MEMORY = "arrays"  # what a log without a file is called
 
 
-def read_log(path: Log, config: str | Path | Config | None = None) -> Record:
+def read_log(
+    path: Log, config: str | Path | Config | None = None, *, name: str | None = None
+) -> Record:
     """Read one log.
 
     Args:
@@ -59,6 +61,7 @@ def read_log(path: Log, config: str | Path | Config | None = None) -> Record:
         config: a TOML file or what `load_config` made of it. Without one, a TOML file of the log's
             name beside it, or a `vehicle.toml` in its folder, is taken; without those, and of
             arrays, the canonical header is expected.
+        name: what reports and pictures call it; without one the file's, or `arrays`.
 
     Returns:
         The record: SI units, evenly sampled segments, every repair told.
@@ -67,7 +70,8 @@ def read_log(path: Log, config: str | Path | Config | None = None) -> Record:
         InputError: the log or its configuration is refused; the message names the file, the line or
             key, and the mend.
     """
-    return _read(path, config_of(path, config), {})
+    record = _read(path, config_of(path, config), {})
+    return record if name is None else record.renamed(name)
 
 
 def _read(log: Log, config: Config, windows: Mapping[str, float]) -> Record:

@@ -15,6 +15,7 @@ from ..errors import InputError, nearest
 from ..files import read_json, write_json
 from ..models.bicycle import Bicycle
 from ..models.extended_plant import ExtendedPlant
+from ..models.plant import AbstractPlant
 from ..models.transfer_function import TransferFunction, improper_reason
 from ..models.vehicle import SpeedInput, Vehicle
 from ._effects import EffectEntry, all_made, documents, in_order
@@ -68,6 +69,15 @@ class Model:
     vehicle: VehicleGeometry | None = None
     body: tuple[AbstractEffect, ...] = ()
     sensors: tuple[tuple[str, AbstractEffect], ...] = ()
+
+    def __repr__(self) -> str:
+        models = {name: plant.model for name, plant in self.plants.items()}
+        plants = [f"{name}={model!r}" for name, model in models.items()]
+        more = [repr(effect) for effect in self.body]
+        more += [f"{effect!r} of {channel}" for channel, effect in self.sensors]
+        geometry = [] if self.vehicle is None else [repr(self.vehicle)]
+        told = ",\n".join([*plants, *more, *geometry])
+        return f"<Model {told}>"
 
     @property
     def extended(self) -> bool:
@@ -167,7 +177,13 @@ def save_model(path: str | Path, model: Model) -> Path:
     """
     if not isinstance(model, Model):
         problem = f"{type(model).__name__} is no model"
-        raise InputError("model", "", problem, "give the path first: save_model(path, model)")
+        mend = "give the path first: save_model(path, model)"
+        if isinstance(model, Vehicle | AbstractPlant):
+            mend = (
+                'make one of its parts: Model({"steering": Plant(PlantSpec("steering", '
+                '"delta_cmd", "delta"), vehicle.steering)}, VehicleGeometry(l_f, l_r))'
+            )
+        raise InputError("model", "", problem, mend)
     document: dict[str, Any] = {
         "schema": MODEL,
         "plants": {name: _plant_document(plant) for name, plant in model.plants.items()},

@@ -1,5 +1,6 @@
 """The kinematic bicycle at the centre of gravity, eq. (1) and (6) of the paper."""
 
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -7,6 +8,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from ..config import VehicleGeometry
+
+# strong floats: a whole number would have no derivative, and a weak one would compile anew
+_floats = partial(jnp.asarray, dtype=float)
 
 
 class BicycleState(NamedTuple):
@@ -35,8 +39,8 @@ class Bicycle(eqx.Module):
             the rear axle.
     """
 
-    l_f: Float[Array, ""] = eqx.field(converter=jnp.asarray)
-    l_r: Float[Array, ""] = eqx.field(converter=jnp.asarray)
+    l_f: Float[Array, ""] = eqx.field(converter=_floats)
+    l_r: Float[Array, ""] = eqx.field(converter=_floats)
 
     @classmethod
     def at_reference(cls, vehicle: VehicleGeometry) -> "Bicycle":

@@ -100,7 +100,7 @@ class RateLimited(AbstractPlant):
         rate: greatest rate of the response, output unit per second, more than zero.
     """
 
-    rate: Float[Array, ""] = eqx.field(converter=jnp.asarray)
+    rate: Float[Array, ""] = eqx.field(converter=lambda rate: jnp.asarray(rate, float))
 
     def trace(
         self,

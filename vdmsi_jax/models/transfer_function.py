@@ -78,9 +78,14 @@ class TransferFunction(AbstractPlant):
         """The paper's name: `P2Z1` has two poles and one zero."""
         return f"P{self.den.shape[-1] - 1}Z{self.num.shape[-1] - 1}"
 
+    @property
+    def _monic(self) -> Float[Array, " n"]:
+        """The denominator with its leading 1 as a constant, which has no derivative."""
+        return jnp.asarray(self.den).at[0].set(1.0)
+
     def poles(self) -> Complex[Array, " n"]:
         """Roots of the denominator, rad/s."""
-        return _roots(self.den)
+        return _roots(self._monic)
 
     def zeros(self) -> Complex[Array, " m"]:
         """Roots of the numerator, rad/s; NaN where its leading coefficient is zero (the zero is at
@@ -95,7 +100,7 @@ class TransferFunction(AbstractPlant):
     def frequency_response(self, omega: Float[ArrayLike, "*w"]) -> Complex[Array, "*w"]:
         """Gain and phase at `omega` rad/s, the delay included, the offset left out."""
         s = 1j * jnp.asarray(omega)
-        response = jnp.polyval(self.num, s) / jnp.polyval(self.den, s)
+        response = jnp.polyval(self.num, s) / jnp.polyval(self._monic, s)
         return response if self.delay is None else response * jnp.exp(-s * self.delay)
 
     def step_response(self, t: Float[ArrayLike, " k"]) -> Float[Array, " k"]:

@@ -95,8 +95,9 @@ def stack_vehicles(vehicles: Sequence[Vehicle]) -> Vehicle:
 
     Linear plants are realised at the greatest order among them, and a missing delay or offset
     becomes zero where another vehicle has one; neither changes a response. Plants with effects are
-    stacked as they are, which takes vehicles of one kind. The result goes to `simulate_many` or
-    under `jax.vmap`.
+    stacked as they are, which takes vehicles of one kind: of several hypotheses each has the
+    effects of all, those not wanted off (`Backlash()`). The result goes to `simulate_many` or under
+    `jax.vmap`.
 
     Raises:
         ValueError: there is none, `speed_input` or the kinds of effects differ, or a plant with
@@ -124,7 +125,11 @@ def _of_one_kind(plants: Sequence[AbstractPlant]) -> Sequence[AbstractPlant]:
         if len({jax.tree.structure(plant) for plant in plants}) == len(shapes) == 1:
             return plants
         problem = "a plant with effects stands beside one with others, or of another order"
-        raise ValueError(f"{problem}; give vehicles of one kind") from why
+        mend = (
+            "give plants of one kind: an ExtendedPlant in each, their orders alike, and all "
+            "effects in each, those not wanted off, as Backlash() is"
+        )
+        raise ValueError(f"{problem}; {mend}") from why
 
 
 def _at_common_order(plants: Sequence[AbstractPlant]) -> list[LinearPlant]:

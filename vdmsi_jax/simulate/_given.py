@@ -4,6 +4,10 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
 from vdmsi_jax.data.record import Record
 from vdmsi_jax.model_file import Model
 from vdmsi_jax.models.commands import Commands
@@ -25,8 +29,15 @@ def as_vehicle(given: Vehicle | Model) -> Vehicle:
             mend = "give one, or simulate_many those that stack_vehicles makes one of"
         raise TypeError(f"{_kind(given)} is no vehicle; {mend}")
     if given.powertrain is None or given.steering is None:  # `eqx.tree_at` left it so
-        return dataclasses.replace(given)
-    return given
+        given = dataclasses.replace(given)
+    return jax.tree.map(_array, given)
+
+
+def _array(leaf: Any) -> Any:
+    """A number that `eqx.tree_at` put into a vehicle as an array: as it is, each other one would be
+    another program."""
+    plain = eqx.is_array_like(leaf) and not eqx.is_array(leaf)
+    return jnp.asarray(leaf, float) if plain else leaf
 
 
 def as_commands(given: Commands | Record, *, many: bool = False) -> Commands:

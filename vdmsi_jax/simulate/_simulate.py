@@ -9,6 +9,7 @@ from vdmsi_jax.model_file import Model
 from vdmsi_jax.models.commands import Commands
 from vdmsi_jax.models.vehicle import Vehicle
 from vdmsi_jax.simulate._arcs import Arcs, no_arcs
+from vdmsi_jax.simulate._batched import batched
 from vdmsi_jax.simulate._given import as_commands, as_vehicle, refuse_other
 from vdmsi_jax.simulate._nouns import AbstractMethod, Start, Trajectory
 from vdmsi_jax.simulate._quadrature import Quadrature
@@ -76,9 +77,10 @@ def simulate_many(
     """`simulate` over many vehicles, many records of commands, or both pairwise.
 
     Whatever has a leading axis is batched, the rest is shared: vehicles by `stack_vehicles` or
-    `eqx.filter_vmap`, commands of the shape `(K, N)` whose `dt` and the like have none or `(K,)`,
-    starts of the shape `(K,)`. Batches of `batch_size` keep the memory small, and on a CPU are
-    faster than one `jax.vmap` over thousands.
+    `eqx.filter_vmap`, or a single number of one (`eqx.tree_at` puts K of them there), commands of
+    the shape `(K, N)` whose `dt` and the like have none or `(K,)`, starts of the shape `(K,)`.
+    Batches of `batch_size` keep the memory small, and on a CPU are faster than one `jax.vmap` over
+    thousands.
 
     Args:
         vehicles: one or K; a model is the one vehicle that it describes.
@@ -109,14 +111,7 @@ def _run_many(
 ) -> Trajectory:
     parts = (vehicles, commands, start)
     arrays, static = eqx.partition(parts, eqx.is_array)
-    batched = (
-        jax.tree.map(lambda _: vehicles.bicycle.l_f.ndim > 0, arrays[0]),
-        *(
-            jax.tree.map_with_path(lambda path, leaf: leaf.ndim > _rank(path), part)
-            for part in arrays[1:]
-        ),
-    )
-    mapped, shared = eqx.partition(arrays, batched)
+    mapped, shared = eqx.partition(arrays, batched(*arrays))
     lengths = {leaf.shape[0] for leaf in jax.tree.leaves(mapped)}
     if not lengths:
         mend = "stack_vehicles, give K records of commands, or use simulate"
@@ -130,8 +125,3 @@ def _run_many(
     if batch_size is None:
         batch_size = 50 if jax.default_backend() == "cpu" else 10_000
     return lax.map(one, mapped, batch_size=batch_size)
-
-
-def _rank(path: tuple) -> int:
-    """Dimensions of a leaf of `Commands` or `Start` that is not batched."""
-    return 1 if path[-1].name in ("v_cmd", "delta_cmd", "powertrain", "steering") else 0

@@ -128,6 +128,16 @@ class Finding:
     separating_experiment: str | None
     sentence: str
 
+    def __repr__(self) -> str:
+        sizes = ", ".join(
+            f"{name} {own.value:.4g} ± {own.std:.2g}" + (f" {own.unit}" if own.unit != "1" else "")
+            for name, own in self.parameters.items()
+            if math.isfinite(own.value)
+        )
+        form = f", {self.form}" if self.form else ""
+        gain = f"FIT of {self.gain.channel} {self.gain.before:.1f} to {self.gain.after:.1f} %"
+        return f"<Finding {self.cause} ({self.channel or self.where}{form}): {sizes}; {gain}>"
+
     @property
     def indistinguishable_from(self) -> tuple[str, ...]:
         """The causes that explain the data as well."""
