@@ -107,7 +107,7 @@ def simulate(
     if not window > 0.0:
         raise InputError("vdmsi simulate", "--window", f"{window} is no duration", "give seconds")
     settings = None if config is None else load_config(config)
-    records = read_logs(logs, settings)
+    records = read_logs(logs, settings, in_step=False)
     output_folder(out)
     prepare(cache)
 

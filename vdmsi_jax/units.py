@@ -42,6 +42,7 @@ UNITS = {
     "us": Unit("time", 1e-6),
     "ns": Unit("time", 1e-9),
     "min": Unit("time", 60.0),
+    "h": Unit("time", 3600.0),
     "m": Unit("length", 1.0),
     "cm": Unit("length", 1e-2),
     "mm": Unit("length", 1e-3),

@@ -193,6 +193,7 @@ def test_units_convert_to_si():
         "deg": 0.017453292519943295,
         "rpm": 0.10471975511965977,
         "g": 9.80665,
+        "h": 3600.0,
     }
     for name, factor in expected.items():
         assert UNITS[name].to_si == pytest.approx(factor, rel=1e-15)

@@ -281,6 +281,8 @@ def test_logs_of_one_vehicle_get_one_sample_period(tmp_path):
     assert Record.concatenate([fast, slow, jittering]).runs == ("fast", "slow", "uneven")
     again = read_logs(list(paths.values())[:2], configured(tmp_path, "[prepare]\ndt = 0.04"))
     assert [record.dt for record in again] == [0.04, 0.04]
+    each = read_logs(list(paths.values())[:2], in_step=False)
+    assert [record.dt for record in each] == [0.01, 0.02] and each[0].repairs == ()
 
 
 def test_runs_are_told_apart_by_their_column(tmp_path):

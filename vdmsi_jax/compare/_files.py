@@ -48,6 +48,7 @@ def _run(comparison: Comparison) -> dict[str, Any]:
         "channels": _scores(last),
         "segments": len(comparison.record.segments),
         "window": comparison.window,
+        "repairs": list(comparison.record.repairs),
         "floor": None if comparison.floor is None else _model(comparison.floor),
         "with_measured": {name: _model(p) for name, p in comparison.with_measured.items()},
         **{KEYS.get(name, name): _model(p) for name, p in comparison.predictions.items()},

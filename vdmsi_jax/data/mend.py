@@ -137,8 +137,8 @@ def check_time(rows: Rows, config: Config) -> None:
     if twice.any():
         k = int(np.flatnonzero(twice)[0])
         if config.prepare.duplicates == "refuse":
-            count = np.count_nonzero(twice)
-            problem = f"its time, {moment(rows.t, k)}, stands there twice (as in {count} rows)"
+            many = counted(twice, "row")
+            problem = f"its time, {moment(rows.t, k)}, stands there twice (as in {many})"
             mend = 'delete the rows, or set [prepare] duplicates = "drop"'
             raise InputError(raw.source, place(k), problem, mend)
         rows.told.append(

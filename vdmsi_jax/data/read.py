@@ -112,18 +112,21 @@ def _read(log: Log, config: Config, windows: Mapping[str, float]) -> Record:
     return replace(record, file="") if isinstance(table, ArrayTable) else record
 
 
-def read_logs(paths: Sequence[Log], config: str | Path | Config | None = None) -> list[Record]:
+def read_logs(
+    paths: Sequence[Log], config: str | Path | Config | None = None, *, in_step: bool = True
+) -> list[Record]:
     """Read several logs of one vehicle with one configuration.
 
     Args:
         paths: the files or arrays, at least one; see `read_log`.
         config: as in `read_log`.
+        in_step: bring all to one sample period, as what is fitted to several asks for.
 
     Returns:
         A record for each log, with different names: the file's (`arrays` where there is none), with
         its folder's before it where two are alike, and a number behind where these are, too. All
-        have one sample period: that of `[prepare] dt`, or else the longest of the logs' own. What
-        is made of the pose where nobody asked is made alike.
+        have one sample period: that of `[prepare] dt`, or else the longest of the logs' own, if
+        `in_step`. What is made of the pose where nobody asked is made alike then.
 
     Raises:
         InputError: a log or the configuration is refused, or no file is given.
@@ -135,7 +138,9 @@ def read_logs(paths: Sequence[Log], config: str | Path | Config | None = None) -
     if not paths:
         raise InputError("logs", "", "no log is given", "give at least one file")
     _refuse_topics(paths, config)
-    records = _in_step([read_log(path, config) for path in paths], paths, config)
+    records = [read_log(path, config) for path in paths]
+    if in_step:
+        records = _in_step(records, paths, config)
     folders = [
         Path(path).resolve().parent.name if isinstance(path, str | PathLike) else ""
         for path in paths
