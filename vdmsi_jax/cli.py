@@ -117,6 +117,12 @@ def simulate(
     from .report.files import write_comparisons
 
     loaded = load_model(model)
+    for record in records:
+        own, its = loaded.vehicle, record.vehicle
+        if own is not None and its is not None and (own.l_f, own.l_r) != (its.l_f, its.l_r):
+            told = f"driven by its own l_f and l_r, {its.l_f:g} and {its.l_r:g} m"
+            than = f"not those of {model.name}, {own.l_f:g} and {own.l_r:g} m"
+            print(f"vdmsi: {record.log}: {told}, {than}", file=sys.stderr)
     with terminal.working("simulating"):
         comparisons = [compare(record, loaded, window=window) for record in records]
     write_comparisons(out, comparisons, report=False)

@@ -141,6 +141,16 @@ def test_simulate_takes_a_model_with_effects(vdmsi, tmp_path):
     assert "VDM, VDM-SI and extended" in html and html.count("<svg") == 3
 
 
+def test_a_log_of_another_vehicle_than_the_model_s_is_told(here, tmp_path):
+    (tmp_path / "model.json").write_text(json.dumps(EXTENDED))
+    log = write_csv(tmp_path / "small.csv", drive())
+    (tmp_path / "vehicle.toml").write_text("[vehicle]\nl_f = 0.15\nl_r = 0.17\n")
+    done = here("simulate", tmp_path / "model.json", log, "--out", tmp_path / "out", "--no-report")
+    assert done.returncode == 0 and done.stderr.count("\n") == 1
+    said = "small.csv: driven by its own l_f and l_r, 0.15 and 0.17 m, not those of model.json"
+    assert said in done.stderr
+
+
 def test_a_response_of_another_unit_than_its_command_has_no_score_without_a_model(here, tmp_path):
     t = 0.01 * np.arange(400)
     u = np.repeat([0.0, 6.0, 3.0, 9.0], 100)
