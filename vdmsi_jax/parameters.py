@@ -1,4 +1,5 @@
-"""Parameters of effects: scalars with a value that switches the effect off, exactly."""
+"""Parameters of effects: scalars with a value that switches the effect off, exactly; and numbers as
+arrays."""
 
 import dataclasses
 import inspect
@@ -8,6 +9,13 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+from jaxtyping import Array
+
+
+def floats(x: Any) -> Array:
+    """Numbers as JAX's own floats: whole ones would have no derivative, and those of Python, which
+    are weakly typed, would compile anew."""
+    return jnp.asarray(x, float)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,6 +1,5 @@
 """The kinematic bicycle at the centre of gravity, eq. (1) and (6) of the paper."""
 
-from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -8,9 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from ..config import VehicleGeometry
-
-# strong floats: a whole number would have no derivative, and a weak one would compile anew
-_floats = partial(jnp.asarray, dtype=float)
+from ..parameters import floats
 
 
 class BicycleState(NamedTuple):
@@ -39,8 +36,8 @@ class Bicycle(eqx.Module):
             the rear axle.
     """
 
-    l_f: Float[Array, ""] = eqx.field(converter=_floats)
-    l_r: Float[Array, ""] = eqx.field(converter=_floats)
+    l_f: Float[Array, ""] = eqx.field(converter=floats)
+    l_r: Float[Array, ""] = eqx.field(converter=floats)
 
     @classmethod
     def at_reference(cls, vehicle: VehicleGeometry) -> "Bicycle":

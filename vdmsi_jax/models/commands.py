@@ -1,17 +1,12 @@
 """What a vehicle is told."""
 
-from functools import partial
-
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from vdmsi_jax.data.record import Record
 from vdmsi_jax.errors import InputError
 from vdmsi_jax.models.plant import refuse_no_period
-
-# strong floats: a whole number would have no derivative, and a weak one would compile anew
-_floats = partial(jnp.asarray, dtype=float)
+from vdmsi_jax.parameters import floats
 
 
 class Commands(eqx.Module):
@@ -30,13 +25,13 @@ class Commands(eqx.Module):
     is not more than zero.
     """
 
-    v_cmd: Float[Array, "*batch N"] = eqx.field(converter=_floats)
-    delta_cmd: Float[Array, "*batch N"] = eqx.field(converter=_floats)
-    dt: Float[Array, ""] = eqx.field(converter=_floats)
-    t0: Float[Array, ""] = eqx.field(converter=_floats, default=0.0)
-    since: Float[Array, ""] = eqx.field(converter=_floats, default=0.0)
-    way: Float[Array, ""] = eqx.field(converter=_floats, default=0.0)
-    session: Float[Array, ""] = eqx.field(converter=_floats, default=0.0)
+    v_cmd: Float[Array, "*batch N"] = eqx.field(converter=floats)
+    delta_cmd: Float[Array, "*batch N"] = eqx.field(converter=floats)
+    dt: Float[Array, ""] = eqx.field(converter=floats)
+    t0: Float[Array, ""] = eqx.field(converter=floats, default=0.0)
+    since: Float[Array, ""] = eqx.field(converter=floats, default=0.0)
+    way: Float[Array, ""] = eqx.field(converter=floats, default=0.0)
+    session: Float[Array, ""] = eqx.field(converter=floats, default=0.0)
 
     def __check_init__(self):
         if self.v_cmd.shape != self.delta_cmd.shape or self.v_cmd.shape[-1] < 2:

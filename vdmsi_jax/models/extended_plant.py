@@ -1,7 +1,6 @@
 """A plant with causes in it: a transfer function and a tuple of effects at its ports."""
 
 import dataclasses
-from collections.abc import Sequence
 from functools import partial
 
 import equinox as eqx
@@ -16,6 +15,7 @@ from vdmsi_jax.models.observer_form import ahead_of, led, ramp_lag, slowness_of,
 from vdmsi_jax.models.plant import AbstractPlant, AbstractTrace, PlantResponse
 from vdmsi_jax.models.state_space import StateSpace, propagate
 from vdmsi_jax.models.transfer_function import TransferFunction
+from vdmsi_jax.parameters import floats
 
 _TOGETHER = 5  # effects that are passed by at once
 _FORCES = 2  # likewise of those inside the dynamics
@@ -52,10 +52,6 @@ class ExtendedTrace(AbstractTrace):
         return self.y[:-1].reshape(-1, self.substeps), self.y[1:].reshape(-1, self.substeps)
 
 
-def _floats(x: ArrayLike | Sequence[float]) -> Array:
-    return jnp.asarray(x, float)
-
-
 class ExtendedPlant(AbstractPlant):
     """An actuator with what a linear one lacks: play, friction, limits, a road that rises.
 
@@ -78,7 +74,7 @@ class ExtendedPlant(AbstractPlant):
 
     plant: TransferFunction
     effects: tuple[AbstractEffect, ...] = eqx.field(converter=several)
-    leads: Float[Array, "2"] = eqx.field(converter=_floats, default=(0.0, 0.0))
+    leads: Float[Array, "2"] = eqx.field(converter=floats, default=(0.0, 0.0))
     substeps: int = eqx.field(static=True, default=4)
     told: Signals | None = None
 

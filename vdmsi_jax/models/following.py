@@ -18,6 +18,7 @@ from jaxtyping import Array, ArrayLike, Float
 from vdmsi_jax.models.linear_plant import LinearPlant
 from vdmsi_jax.models.plant import AbstractPlant, AbstractTrace, PlantResponse
 from vdmsi_jax.models.state_space import StateSpace
+from vdmsi_jax.parameters import floats
 
 
 class HeldTrace(AbstractTrace):
@@ -100,7 +101,7 @@ class RateLimited(AbstractPlant):
         rate: greatest rate of the response, output unit per second, more than zero.
     """
 
-    rate: Float[Array, ""] = eqx.field(converter=lambda rate: jnp.asarray(rate, float))
+    rate: Float[Array, ""] = eqx.field(converter=floats)
 
     def trace(
         self,

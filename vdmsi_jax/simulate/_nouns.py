@@ -1,7 +1,6 @@
 """What goes into a simulation and what comes out of it."""
 
 import abc
-from functools import partial
 from typing import Any
 
 import diffrax
@@ -15,6 +14,7 @@ from vdmsi_jax.models.commands import Commands
 from vdmsi_jax.models.extended_plant import ExtendedPlant, surroundings
 from vdmsi_jax.models.plant import AbstractPlant, AbstractTrace
 from vdmsi_jax.models.vehicle import SpeedInput, Vehicle
+from vdmsi_jax.parameters import floats
 
 
 class RESULTS(diffrax.RESULTS):  # type: ignore[misc]  # an enumeration of equinox is extended so
@@ -26,12 +26,8 @@ class RESULTS(diffrax.RESULTS):  # type: ignore[misc]  # an enumeration of equin
     )
 
 
-# strong floats: a whole number would have no derivative, and a weak one would compile anew
-_floats = partial(jnp.asarray, dtype=float)
-
-
 def _array_or_none(value: Any) -> Array | None:
-    return None if value is None else _floats(value)
+    return None if value is None else floats(value)
 
 
 class Start(eqx.Module):
@@ -46,9 +42,9 @@ class Start(eqx.Module):
         steering: likewise.
     """
 
-    x: Float[Array, "*batch"] = eqx.field(converter=_floats, default=0.0)
-    y: Float[Array, "*batch"] = eqx.field(converter=_floats, default=0.0)
-    psi: Float[Array, "*batch"] = eqx.field(converter=_floats, default=0.0)
+    x: Float[Array, "*batch"] = eqx.field(converter=floats, default=0.0)
+    y: Float[Array, "*batch"] = eqx.field(converter=floats, default=0.0)
+    psi: Float[Array, "*batch"] = eqx.field(converter=floats, default=0.0)
     v: Float[Array, "*batch"] | None = eqx.field(converter=_array_or_none, default=None)
     powertrain: Float[Array, "..."] | None = eqx.field(converter=_array_or_none, default=None)
     steering: Float[Array, "..."] | None = eqx.field(converter=_array_or_none, default=None)
