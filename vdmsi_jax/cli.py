@@ -6,6 +6,7 @@ Each command reads its input before it imports what computes, so that bad input 
 import contextlib
 import sys
 import warnings
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, NoReturn
@@ -44,11 +45,12 @@ def identify(
         cache: keep compiled programs for the next time.
     """
     from .config import load_config
+    from .data.copies import without_copies
     from .data.read import options_of, read_logs
     from .files import output_folder
 
     settings = None if config is None else load_config(config)
-    records = read_logs(logs, settings)
+    records, copies = without_copies(read_logs(logs, settings))
     options = options_of(logs, settings)
     output_folder(out)
     prepare(cache)
@@ -64,7 +66,7 @@ def identify(
     terminal.show_grids(grids)
     plants = [plant for record in records for plant in record.plants]
     told = [f"{name} was not identified: {why}" for name, why in refused.items()]
-    for line in [*told, *uncommanded(records, plants)]:
+    for line in [*copies, *told, *uncommanded(records, plants)]:
         print(f"vdmsi: {line}", file=sys.stderr)
     if report:
         with terminal.working("drawing the report"):
@@ -232,8 +234,9 @@ def sweep(
         write_page(out, sweep_page(rows, results))
     terminal.tell_report(out, written=report)
     refused = [row["refused"] for row in rows if "refused" in row]
+    for why, cells_alike in Counter(refused).items():
+        print(f"vdmsi: {cells_alike} of {len(rows)} cells: {why}", file=sys.stderr)
     if refused:
-        print(f"vdmsi: {len(refused)} of {len(rows)} cells: {refused[0]}", file=sys.stderr)
         raise SystemExit(2)
 
 

@@ -227,8 +227,10 @@ class IdentifyOptions:
         zeros: numbers of zeros of the order grid.
         delay: whether a transport delay is a parameter; a number is its upper bound in s.
         offset: whether a constant offset of the output is a parameter.
-        held_out: share of the record that no fit sees.
-        split: what is held out: `blocks` of each segment, or whole runs (`run`).
+        held_out: share of the record that no fit sees. If not given, a quarter, or nothing where a
+            log is too short for that.
+        split: what is held out: `blocks` of each segment, or whole runs (`run`). If not given,
+            whole runs where there are three or more.
         fit_loss: points of FIT that the paper's rule gives up for a smaller order.
     """
 
@@ -236,8 +238,8 @@ class IdentifyOptions:
     zeros: tuple[int, ...] = (0, 1, 2, 3, 4, 5)
     delay: bool | float = True
     offset: bool = True
-    held_out: float = 0.25
-    split: Literal["blocks", "run"] = "blocks"
+    held_out: float | None = None
+    split: Literal["blocks", "run"] | None = None
     fit_loss: float = 0.5
 
     def __post_init__(self):
@@ -250,7 +252,8 @@ class IdentifyOptions:
             require(fine, self, name, problem, f"choose from {list(allowed)}")
         problem = f"{self.held_out} is no share"
         mend = "give a number from 0 up to, and less than, 1"
-        require(0 <= self.held_out < 1, self, "held_out", problem, mend)
+        fine = self.held_out is None or 0 <= self.held_out < 1
+        require(fine, self, "held_out", problem, mend)
         problem = f"{self.delay} is no bound"
         require(self.delay is False or self.delay > 0, self, "delay", problem, "give seconds")
         problem = f"{self.fit_loss} is negative"

@@ -4,7 +4,7 @@ word."""
 import dataclasses
 import difflib
 from collections.abc import Iterable
-from typing import Any, Literal, get_args, get_origin
+from typing import Any, Literal, Union, get_args, get_origin
 
 _LONGEST = 40  # letters of a word that is listed
 
@@ -70,15 +70,17 @@ def require(fine: bool, owner: object, field: str, problem: str, mend: str) -> N
 
 
 def refuse_unknown_words(owner: Any) -> None:
-    """Hold the fields of a dataclass that are annotated by a `Literal` to its words.
+    """Hold the fields of a dataclass that are annotated by a `Literal`, or nothing, to its words.
 
     Raises:
         InputError: one of them is none of these.
     """
     for field in dataclasses.fields(owner):
         word = getattr(owner, field.name)
-        if get_origin(field.type) is Literal and word not in get_args(field.type):
-            mend = nearest(str(word), get_args(field.type))
+        kinds = get_args(field.type) if get_origin(field.type) is Union else (field.type,)
+        words = [word for kind in kinds if get_origin(kind) is Literal for word in get_args(kind)]
+        if words and word not in words and not (word is None and type(None) in kinds):
+            mend = nearest(str(word), words)
             raise InputError(type(owner).__name__, field.name, f"unknown value {word!r}", mend)
 
 

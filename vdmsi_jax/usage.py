@@ -20,9 +20,16 @@ def call_of(arguments: list[str], commands: Mapping[str, Command]) -> Callable[[
     it is put on one line.
 
     Raises:
-        InputError: there is no such command or option, or `--out` is missing.
+        InputError: there is no such command or option, `--out` is missing, or a word is empty, as
+            a variable of the shell is that was never set.
         SystemExit: they are wrong in another way, which standard error says, or ask for help.
     """
+    for before, word in zip(["", *arguments], arguments, strict=False):
+        if not word or re.fullmatch("--[a-z]+=", word):
+            option = (word or before).rstrip("=")
+            place = option if option.startswith("--") else ""
+            mend = "give a file, a folder or a value"
+            raise InputError(arguments[0] or "arguments", place, "an empty word", mend)
     said = io.StringIO()
     try:
         with contextlib.redirect_stderr(said):

@@ -86,19 +86,23 @@ def test_cells_of_a_sweep_have_files_of_their_own(here, tmp_path):
 
 
 def test_a_refused_log_does_not_stop_a_sweep(here, tmp_path, settings):
-    (tmp_path / "bad.csv").write_text("t,v_cmd,v\n0,1,oops\n")
+    (tmp_path / "bad.csv").write_text("t,v_cmd,v,delta_cmd,delta\n0,1,oops,0,0\n")
+    (tmp_path / "worse.csv").write_text("t,v_cmd,v\n0,worse,1\n")
     config = tmp_path / "sweep.toml"
     good = DEMO / "steering_steps.csv"
     config.write_text(
         "[identify]\npoles = [1, 2]\nzeros = [0, 1, 2]\n[sweep]\nruns = [\n"
-        f'{{ log = "bad.csv", config = "{settings}", plants = ["powertrain"] }},\n'
+        f'{{ log = "bad.csv", config = "{settings}", plants = ["powertrain", "steering"] }},\n'
+        f'{{ log = "worse.csv", config = "{settings}", plants = ["powertrain"] }},\n'
         f'{{ log = "{good}", config = "{settings}", plants = ["steering"] }}]\n'
     )
     done = here("sweep", config, "--out", tmp_path / "out")
     assert done.returncode == 2
-    assert done.stderr.count("\n") == 1 and "bad.csv" in done.stderr
+    each = done.stderr.splitlines()  # every reason once
+    assert len(each) == 2 and "2 of 4 cells" in each[0] and "bad.csv" in each[0]
+    assert "1 of 4 cells" in each[1] and "worse.csv" in each[1]
     rows = json.loads((tmp_path / "out" / "sweep.json").read_text())["cells"]
-    assert "refused" in rows[0] and rows[1]["fit"] > 80.0
+    assert all("refused" in row for row in rows[:3]) and rows[3]["fit"] > 80.0
 
 
 def test_a_configuration_beside_the_log_says_which_orders(here, tmp_path, settings):

@@ -45,6 +45,8 @@ def test_version(vdmsi):
         (["identify", "no.csv", "--out", "OUT"], "no.csv"),
         (["identify", "LOG", "--config", "no.toml", "--out", "OUT"], "no.toml"),
         (["identify", "LOG", "--out", "LOG"], "--out"),
+        (["identify", "LOG", "--out", ""], "identify: --out: an empty word"),
+        (["identify", "LOG", "--config="], "identify: --config: an empty word"),
         (["simulate", "no.json", "LOG", "--out", "OUT"], "no.json"),
         (["simulate", "LOG", "LOG", "--out", "OUT"], "no JSON"),
         (["simulate", "LOG", "LOG", "--out", "OUT", "--window", "-1"], "--window"),
@@ -138,7 +140,8 @@ def test_a_command_runs_on_the_platform_that_a_user_names():
 
 
 @pytest.mark.parametrize(
-    ("log", "said"), [(".", "no file"), ("", "no file"), ("a" * 300 + ".csv", "too long")]
+    ("log", "said"),
+    [(".", "no file"), ("", "an empty word"), ("a" * 300 + ".csv", "too long")],
 )
 def test_what_cannot_be_a_file_is_refused_in_one_line(here, tmp_path, log, said):
     assert said in refused(here("identify", log, "--out", tmp_path, "--no-report"))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import known_plants as known
+from vdmsi_jax.config import IdentifyOptions
 from vdmsi_jax.data.record import Record
 from vdmsi_jax.errors import InputError
 from vdmsi_jax.identify import OrderGrid, identify
@@ -158,12 +159,23 @@ def test_a_log_too_short_to_hold_anything_out():
     """Which is told where nobody asked for it, and refused where somebody did."""
     u = np.random.default_rng(0).standard_normal(150)
     short = known.log(u, known.response(known.POWERTRAIN, u, DT), DT)
-    grid = identify(short, known.PLANT)
-    assert not grid.held_out.any() and grid.note.startswith("nothing is held out: ")
+    for grid in (identify(short, known.PLANT), small(short)):
+        assert not grid.held_out.any() and grid.note.startswith("nothing is held out: ")
     with pytest.raises(InputError, match=r"set \[identify\] held_out = 0"):
         small(short, held_out=0.25)
     with pytest.raises(InputError, match=r"a share of 0\.9999 leaves nothing to fit"):
         small(powertrain_log(seed=1), held_out=0.9999)
+
+
+def test_options_that_say_nothing_of_what_is_held_out_leave_it_as_it_is_without_options():
+    three = known.cut(powertrain_log(seed=1), [1000, 2000], runs=True)
+    two = known.cut(powertrain_log(seed=1), [1500], runs=True)
+    orders = IdentifyOptions(poles=(1,), zeros=(0,))
+    for runs, whole in ((three, True), (two, False)):
+        grid = identify(runs, known.PLANT, options=orders)
+        of_runs = [grid.held_out[segment.samples] for segment in runs.segments]
+        assert all(part.all() or not part.any() for part in of_runs) == whole
+        assert 0.2 < grid.held_out.mean() < 0.4
 
 
 def test_a_run_held_out_whole():

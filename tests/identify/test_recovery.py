@@ -125,6 +125,15 @@ def test_several_records_of_one_vehicle():
     assert all(part.all() or not part.any() for part in held_out)
 
 
+def test_a_copy_of_a_log_is_left_out():
+    """Which would make every standard error smaller than it is."""
+    u = known.steps(1000, 40, seed=20)
+    log = known.log(u, known.response(PLANTS["P2Z1"], u, 0.05), 0.05)
+    with pytest.warns(UserWarning, match=r"copy holds what .* holds and was left out"):
+        grid = identify([log, log.renamed("copy")], "plant", poles=(1,), zeros=(0,), delay=False)
+    assert grid.record.n == log.n
+
+
 def test_prediction_is_that_of_the_returned_model():
     """In units, and up to the free response of the initial state, which is not part of a model."""
     truth, dt = known.Truth((-1.0, 4.0), (1.0, 3.0, 4.0), 0.137, offset=-0.4), 0.05

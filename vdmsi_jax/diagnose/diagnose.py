@@ -10,6 +10,7 @@ import numpy as np
 
 from ..config import PlantSpec, VehicleGeometry, canonical_of
 from ..data import check_excitation, uncommanded
+from ..data.copies import without_copies
 from ..data.mend import counted
 from ..data.outliers import without_outliers
 from ..data.record import Record, records_of
@@ -78,7 +79,7 @@ def _diagnose(
     noise: Mapping[str, KnownNoise],
     told: Callable[[str], None] | None,
 ) -> Diagnosis:
-    several, copies = _once(_alike(records_of(records), vehicle))
+    several, copies = without_copies(_alike(records_of(records), vehicle))
     several, alone = _among_their_like(several)
     several, slow = _at_their_rate(several)
     several, dead = _alive(several)
@@ -232,20 +233,6 @@ def _alike(records: list[Record], vehicle: VehicleGeometry | None) -> list[Recor
     return [replace(r, vehicle=r.vehicle or vehicle) for r in records]
 
 
-def _once(records: list[Record]) -> tuple[list[Record], list[str]]:
-    """The records without copies, whose noise is no noise beside their originals', and what is left
-    out."""
-    kept: list[Record] = []
-    told = []
-    for record in records:
-        same = next((other for other in kept if _same(record, other)), None)
-        if same is None:
-            kept.append(record)
-        else:
-            told.append(f"{record.log} holds what {same.log} holds and was left out.")
-    return kept, told
-
-
 def _among_their_like(records: list[Record]) -> tuple[list[Record], list[str]]:
     """The records without outliers of their sensors, which no cause of a library makes, and what is
     left out."""
@@ -324,12 +311,6 @@ def _left_out(records: Sequence[Record], runs: Runs) -> list[str]:
     names = ", ".join(out[:3]) + (f" and {len(out) - 3} more" if len(out) > 3 else "")
     why = "much shorter than the others, or more than are looked at"
     return [f"Not looked at: {names}, which {'is' if len(out) == 1 else 'are'} {why}."]
-
-
-def _same(one: Record, other: Record) -> bool:
-    """Whether two records hold the same numbers."""
-    alike = one.n == other.n and one.channels.keys() == other.channels.keys()
-    return alike and all(np.array_equal(one[c], other[c]) for c in one.channels)
 
 
 def plants_of(records: Sequence[Record]) -> list[PlantSpec]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from vdmsi_jax.config import IdentifyOptions, PlantSpec
 from vdmsi_jax.data import check_excitation
+from vdmsi_jax.data.copies import without_copies
 from vdmsi_jax.data.record import Record, records_of
 from vdmsi_jax.errors import InputError
 from vdmsi_jax.identify.most_moved import most_moved
@@ -20,6 +21,7 @@ from vdmsi_jax.programs import make_room
 from vdmsi_jax.threads import one_for_blas
 
 _MOST = 200_000  # samples that are looked at; more would take minutes, and memory
+_HELD_OUT = 0.25  # share of the samples, where nothing is said of it
 
 
 def identify(
@@ -40,8 +42,8 @@ def identify(
     - `plant`: "powertrain", "steering", the name of a plant of the configuration, or a `PlantSpec`.
     - `options`: what to fit and what to hold out; `overrides` replace single fields of it:
       `identify(log, "steering", poles=(1, 2), delay=False, held_out=0.0)`; one number of poles or
-      zeros may stand alone. Without options whole runs are held out if there are three or more,
-      blocks of each run otherwise.
+      zeros may stand alone. Where nothing is said of it, a quarter is held out: whole runs if there
+      are three or more, blocks of each run otherwise.
 
     **Raises:** `InputError` where the channels are missing, do not move, or are too short.
 
@@ -49,19 +51,19 @@ def identify(
     the result holds these, and its `note` tells so.
 
     Works in the precision of JAX: in float32 (the default of JAX) a warning tells what it costs.
-    Nothing is held out, with a warning, where the rest would show no change of the command, and
-    with a `note` where nobody asked for it and the log is too short.
+    A record that holds what another one holds is left out, with a warning. Nothing is held out,
+    with a warning, where the rest would show no change of the command, and with a `note` where
+    nobody asked for it and the log is too short.
     """
-    several = records_of(records)
+    several, copies = without_copies(records_of(records))
+    for copy in copies:
+        warnings.warn(copy, stacklevel=2)
     record = several[0] if len(several) == 1 else Record.concatenate(several)
-    asked = options is not None or "held_out" in overrides
-    if options is None:
-        options = IdentifyOptions(split="run" if len(record.runs) >= 3 else "blocks")
     for name in overrides.keys() & {"poles", "zeros"}:
         given = overrides[name]
         if hasattr(given, "__index__") and np.ndim(given) == 0:  # one number
             overrides[name] = (given,)
-    options = replace(options, **overrides)
+    options = replace(options or IdentifyOptions(), **overrides)
     spec = plant if isinstance(plant, PlantSpec) else record.plant(plant)
     check_excitation(record, spec)
     record, note = _within_reach(record, spec)
@@ -72,7 +74,7 @@ def identify(
             stacklevel=2,
         )
     make_room()
-    held_out, short = _held_out(record, options, asked)
+    held_out, short = _held_out(record, options)
     if held_out.any() and np.ptp(record[spec.input][~held_out]) == 0.0:
         warnings.warn(
             f"the command of {spec.name} changes only in what would be held out of {record.log}: "
@@ -95,17 +97,17 @@ def _within_reach(record: Record, plant: PlantSpec) -> tuple[Record, str]:
     )
 
 
-def _held_out(
-    record: Record, options: IdentifyOptions, asked: bool
-) -> tuple[NDArray[np.bool_], str]:
+def _held_out(record: Record, options: IdentifyOptions) -> tuple[NDArray[np.bool_], str]:
     """Which samples (n,) the held-out scores are for, and what to say where there are none."""
     mask = np.zeros(record.n, bool)
-    if options.held_out > 0:
+    share = _HELD_OUT if options.held_out is None else options.held_out
+    split = options.split or ("run" if len(record.runs) >= 3 else "blocks")
+    if share > 0:
         rows = replace(record, channels={"row": np.arange(record.n, dtype=float)}, filled={})
         try:
-            hidden = rows.split(options.held_out, by=options.split)[1]
+            hidden = rows.split(share, by=split)[1]
         except InputError as short:
-            if asked:
+            if options.held_out is not None or options.split is not None:
                 raise
             return mask, f"nothing is held out: {short.problem}"
         mask[hidden["row"].astype(int)] = True

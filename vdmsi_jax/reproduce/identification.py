@@ -10,7 +10,7 @@ from ..identify import Fit, OrderGrid
 from ..identify.vehicle import identify_vehicle
 from ..model_file import Model
 
-PAPER_OPTIONS = IdentifyOptions(delay=False, offset=False)
+PAPER_OPTIONS = IdentifyOptions(delay=False, offset=False, held_out=0.25, split="blocks")
 """Eq. (2) as it stands: poles and zeros, neither a delay nor an offset."""
 
 PAPER_ORDER = "P2Z2"
