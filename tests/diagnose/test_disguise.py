@@ -9,7 +9,7 @@ from vdmsi_jax.diagnose.actuator.stage import Stage
 from vdmsi_jax.diagnose.actuator.starts import number_of, plant
 from vdmsi_jax.diagnose.actuator.sticking import held
 from vdmsi_jax.diagnose.prepare import stage_of
-from vdmsi_jax.diagnose.search.disguise import levelled
+from vdmsi_jax.diagnose.search.disguise import levelled, stilled
 from vdmsi_jax.diagnose.signals.runs import lay_out
 
 DT, ROWS = 0.02, 1000
@@ -66,3 +66,16 @@ def test_friction_in_the_place_of_a_play_holds_a_body_on_a_spring(stage):
     assert not any(set(h.active) == set(starts[0].active) for h in others)  # it is there already
     one = Hypothesis(1, 0, (number,), theta)
     assert held(stage, plant(one, stage, np.array([1.0, 1.0]), np.ones(1)), number) == []
+
+
+def test_what_swings_on_is_taken_from_a_plant_unless_nothing_would_be_left(stage):
+    """As of an oven between two points, which swings by itself."""
+    swing, den = [-1e-3 + 3.0j, -1e-3 - 3.0j], np.poly([-8.0 / stage.pace])
+    alone = made(stage, swing, [], 1.0)
+    assert stilled(stage, alone) is alone
+    told = stilled(stage, made(stage, [*swing, -8.0], [], 1.0))
+    assert told.den == pytest.approx(den, rel=1e-6)
+
+
+def test_a_plant_that_is_nothing_but_what_lingers_is_left_as_it_is(stage):
+    assert levelled(stage, made(stage, [-0.02], [-0.03], 1.0)) == []

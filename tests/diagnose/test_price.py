@@ -53,6 +53,18 @@ def test_what_was_on_its_way_is_paid_in_each_run():
     assert paid("transport_delay") == paid("offset") + 2.0 * RUNS
 
 
+def test_no_response_comes_before_a_command_that_a_controller_makes_of_it():
+    """Stamps that are off let it seem so, by two rows; the answer of a loop comes after it."""
+    number = [slot.cause for slot in STAGE.slots].index("transport_delay")
+    theta = STAGE.off.copy()
+    theta[[0, POLES]] = 1.0
+    for delay, worth, worth_in_loop in ((0.02, True, True), (-0.02, True, False), (-0.06, 0, 0)):
+        theta[STAGE.slots[number].index[0]] = delay
+        early = Hypothesis(1, 0, (number,), theta.copy())
+        assert math.isfinite(price(STAGE, early)) == worth
+        assert math.isfinite(price(STAGE.looped(), early)) == worth_in_loop
+
+
 def test_what_first_moves_the_wrong_way_pays_more_than_what_is_late():
     def second_order(zero: float) -> float:
         theta = STAGE.off.copy()

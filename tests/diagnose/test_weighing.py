@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from vdmsi_jax.data.record import Record
-from vdmsi_jax.diagnose.answer.result import Estimate, Unexplained
+from vdmsi_jax.diagnose.answer.result import Estimate, Gain, Unexplained
+from vdmsi_jax.diagnose.body.search import BodyFinding
 from vdmsi_jax.diagnose.findings.minor import SPOILS
 from vdmsi_jax.diagnose.findings.naming import Named
 from vdmsi_jax.diagnose.findings.rounding import quantised, tells_rounding
-from vdmsi_jax.diagnose.findings.verdict import _lost, _or_else
+from vdmsi_jax.diagnose.findings.verdict import _doubt, _lost, _or_else
 from vdmsi_jax.diagnose.findings.weighing import of_innovations
 from vdmsi_jax.diagnose.residual.remains import Remains
 from vdmsi_jax.diagnose.signals.noise import OwnNoise
@@ -138,6 +139,21 @@ def test_what_an_actuator_says_and_the_vehicle_does_not_do_is_minor(channel, aft
     found = finding("rate_limit", 0.5)
     found = replace(found, gain=replace(found.gain, ate_before=1.0, ate_after=after))
     assert (_lost(told, found, remains, "v", 0.5) == SPOILS) is minor
+    nearly_all = replace(found, share=0.9)
+    assert _lost(told, nearly_all, remains, "v", 0.9) == ""
+
+
+def test_what_is_small_in_a_response_casts_no_doubt_on_a_large_cause_of_the_body():
+    """A slow error of 3 % in the speed, and a wheelbase that is worth 14 % of the yaw rate."""
+    known = object.__new__(BodyFinding)  # of which nothing is asked here
+    body = replace(named("geometry_scale"), search=None, where="vehicle", body=known)
+    told = Gain("r", 84.6, 93.1, 0.8, 1.0, 0.2)
+    for channel, size, doubt in (("v", 0.03, 0.0), ("v", 0.06, 0.6), ("r", 0.03, 0.6)):
+        left = Unexplained(channel, 0.6, ("t",), puzzling=True, size=size)
+        remains = Remains((left,), ())
+        assert _doubt(remains.puzzle, body, told) == doubt
+        of_actuator = Gain(channel, 84.6, 93.1, 0.8, 1.0, 0.2)
+        assert _doubt(remains.puzzle, named("backlash"), of_actuator) == 0.6
 
 
 @pytest.mark.parametrize(("cause", "share"), [("transport_delay", 0.43), ("resonance", 0.0)])

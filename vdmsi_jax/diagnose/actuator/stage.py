@@ -75,6 +75,7 @@ class Stage:
         noise: what its colour is told by.
         within: (runs, N, k) the command inside each row, where rows are means of several; None
             where they are the log's own.
+        in_loop: whether a controller makes the command of what is measured.
     """
 
     name: str
@@ -91,6 +92,7 @@ class Stage:
     dt: float
     noise: Noise = OwnNoise()
     within: Float[np.ndarray, "R N k"] | None = None
+    in_loop: bool = False
     tried: dict = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
@@ -179,7 +181,14 @@ class Stage:
 
     def but(self, numbers: Collection[int]) -> "Stage":
         """The same where some causes may not act."""
-        other = replace(self, allowed=tuple(k for k in self.allowed if k not in numbers))
+        return self._with(allowed=tuple(k for k in self.allowed if k not in numbers))
+
+    def looped(self) -> "Stage":
+        """The same, told that a controller makes the command."""
+        return self._with(in_loop=True)
+
+    def _with(self, **changed: object) -> "Stage":
+        other = replace(self, **changed)
         object.__setattr__(other, "tried", self.tried)  # the same data
         return other
 

@@ -1,7 +1,7 @@
 """From what was found to the verdict: confirmed on held-out data, ranked, and what is left."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -10,14 +10,14 @@ import numpy as np
 from ...config import PlantSpec
 from ...data.record import Record
 from ..actuator.hypothesis import Refit
-from ..answer.result import Budget, Detectable, Diagnosis, Finding, Rival, Unexplained
+from ..answer.result import Budget, Detectable, Diagnosis, Finding, Gain, Rival, Unexplained
 from ..answer.words import apart, in_words, sentence, summary
 from ..body.body import ASKEW, CAUSES
 from ..body.search import BodySearch, at_fixed, chained
 from ..residual.of_body import BodyLeft
 from ..residual.remains import Remains, unexplained
 from ..search.found import FEW, MARGIN, Search, output_of
-from ..search.judge import Scored, Trial, confirmed, gain_of
+from ..search.judge import NEARLY_ALL, Scored, Trial, confirmed, gain_of
 from ..signals.angle import steering_angle
 from ..signals.runs import Runs
 from .body_detectability import detectable_in_body
@@ -45,6 +45,8 @@ from .rounding import COARSE, quantised, tells_rounding
 from .weighing import Weighing, of_innovations
 
 _TWINS = {"powertrain": "v", "steering": "delta"}
+_SMALL_ELSEWHERE = 0.25  # of what a cause of the body takes, in response spreads: less than that in
+# another channel is not what the cause stands in for
 _SENSED = {"transport_delay": "sensor_delay", "offset": "sensor_bias"}
 
 
@@ -157,8 +159,8 @@ class Evidence:
                 told = _or_else(cause, [c for c, _ in weighing.of_its_kind(cause, trials)])
             found = self._finding(told, trial, road, less, alone=len(trials) == 1)
             channel = trial.gain.channel
-            puzzle = _doubt(remains.puzzles, cause, trial)
-            disturbance = _doubt(remains.disturbed, cause, trial)
+            puzzle = _doubt(remains.puzzle, cause, trial.gain)
+            disturbance = _doubt(remains.disturbance, cause, trial.gain)
             of = Weighed(weighing, cause, trial, found, trials, puzzle, disturbance, leads)
             why = of.why_minor() or _lost(cause, found, remains, channel, of.share)
             if why:
@@ -350,7 +352,8 @@ def _lost(cause: Named, found: Finding, remains: Remains, channel: str, share: f
         return "a load that a controller answers is much larger"
     if remains.echoes(channel, found.share, found.statistic, cause.hides_small):
         return "a controller makes the commands, which may know what else is wrong"
-    if cause.search is not None and remains.moves_otherwise and worsens(found.gain):
+    otherwise = remains.moves_otherwise and found.share < NEARLY_ALL
+    if cause.search is not None and otherwise and worsens(found.gain):
         return SPOILS
     # that the vehicle moves faster than its speed says is told by that sensor, too
     sensor = "v" if cause.cause == "speed_scale" else cause.channel
@@ -368,11 +371,16 @@ def _or_else(cause: Named, others: Sequence[Named]) -> Named:
     return replace(cause, rivals=(*stand_ins, *rest))
 
 
-def _doubt(shares: Mapping[str, float], cause: Named, trial: Trial) -> float:
+def _doubt(share: Callable[[str, float], float], cause: Named, gain: Gain) -> float:
     """Share of what is left that casts doubt where a cause is told; of the body, in its yaw rate
-    and in the responses of the actuators as well, by which it moves."""
-    channels = [trial.gain.channel, *(("r", *_TWINS.values()) if cause.body is not None else ())]
-    return max(shares.get(c, 0.0) for c in channels)
+    and in the responses of the actuators as well, by which it moves. What is small there makes no
+    large error elsewhere."""
+    own = share(gain.channel, 0.0)
+    if cause.body is None:
+        return own
+    before, after = (1.0 - 0.01 * fit for fit in (gain.before, gain.after))
+    least = _SMALL_ELSEWHERE * math.sqrt(max(before**2 - after**2, 0.0))
+    return max(own, *(share(c, least) for c in {"r", *_TWINS.values()} - {gain.channel}))
 
 
 def _chi_squared(statistic: float, freedom: int) -> float:

@@ -65,7 +65,7 @@ def _fleeting(stage: Stage, h: Hypothesis) -> Hypothesis | None:
         return None
     poles, zeros = np.roots(h.den), np.roots(h.num)
     slow, near = np.argmin(np.abs(poles)), np.argmin(np.abs(zeros))
-    if poles[slow].imag != 0.0 or zeros[near].imag != 0.0:
+    if len(poles) == 1 or poles[slow].imag != 0.0 or zeros[near].imag != 0.0:
         return None
     den = np.real(np.poly(np.delete(poles, slow)))
     num = np.atleast_1d(np.real(np.poly(np.delete(zeros, near))))
@@ -97,9 +97,10 @@ def stilled(stage: Stage, h: Hypothesis) -> Hypothesis:
     """The same without modes that swing on: what a periodic disturbance is worth shows beside a
     plant that cannot tell it."""
     poles = np.roots(h.den)
-    den = np.real(np.poly(poles[~swing.goes_on(stage, poles)]))
-    if len(den) in (1, len(h.den)):
+    kept = poles[~swing.goes_on(stage, poles)]
+    if len(kept) in (0, len(poles)):
         return h
+    den = np.real(np.poly(kept))
     return plant(h, stage, den, h.num[-1:] * den[-1] / h.den[-1])
 
 

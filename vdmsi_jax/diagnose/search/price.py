@@ -39,12 +39,13 @@ FORM_COST = 15.0  # of each static curve beyond the first: two of them mend the 
 
 def price(stage: Stage, h: Hypothesis) -> float:
     """What a hypothesis must gain in twice the log-likelihood to be worth its parameters; nothing
-    is worth a response that comes before its command by more than stamps of time are off, nor a
+    is worth a response that comes before its command by more than stamps of time are off, or at
+    all where a controller makes the command, which then is the answer to the response; nor a
     change of gain that is none: the lag that comes with it would be one pole more of the plant; nor
     a drift that is over at once, nor what swings too seldom to be told from a level of each run or
     a trend, nor a plant that grows by itself."""
     slots = [stage.slots[number] for number in h.active]
-    early = -EARLY * stage.dt
+    early = 0.0 if stage.in_loop else -EARLY * stage.dt
     if any(s.cause == "transport_delay" and h.theta[s.index[0]] < early for s in slots):
         return math.inf
     if any(s.cause == "regime_change" and abs(h.theta[s.index[1]]) < CHANGE for s in slots):

@@ -134,6 +134,8 @@ def _search(stage: Stage, may_step: bool = False) -> Search:
     plain = max(grid.values(), key=lambda f: score(stage, f))
     if may_step and acts_in_steps(stage, plain):
         raise ActsInSteps
+    if is_answered(stage, plain):
+        whole, stage = whole.looped(), stage.looped()
     now, seen = climbed(stage, plain, grid)
     path = _Path()
     while True:
