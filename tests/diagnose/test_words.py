@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import pytest
 
+import made_up_diagnosis
 from vdmsi_jax.diagnose.answer.result import Estimate, Finding, Gain, Rival, Unexplained
-from vdmsi_jax.diagnose.answer.words import apart, disturbed, sentence
+from vdmsi_jax.diagnose.answer.words import apart, disturbed, sentence, summary
 from vdmsi_jax.diagnose.findings.verdict import _rank
 
 
@@ -80,6 +81,15 @@ def test_a_rival_of_another_sensor_says_of_which():
 def test_what_is_minor_says_why():
     told = replace(found(), sentence="Limited.")
     assert apart(told, "it takes little").sentence == "Limited. It stands apart: it takes little."
+
+
+def test_a_summary_says_how_far_the_path_is_off_with_causes_or_none():
+    """What is small in a response may be much on the way."""
+    off = {which: dict.fromkeys(("max", "mean", "rmse"), 1.46) for which in ("baseline", "model")}
+    none = replace(made_up_diagnosis.no_effect(), ate=off)
+    assert "Mean translation error on the held-out drive: 1.46 m." in summary(none)
+    told = summary(made_up_diagnosis.explained())
+    assert " m without, " in told and " m with the causes." in told
 
 
 def test_a_path_that_hardly_changes_is_not_spoken_of():

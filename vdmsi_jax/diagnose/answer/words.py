@@ -127,12 +127,11 @@ def summary(d: Diagnosis) -> str:
         said = [f.sentence for f in d.findings]
     else:
         said = ["There is structure that no cause of the library accounts for."]
-    if d.ate is not None and d.findings:
+    if d.ate is not None:
         before, after = d.ate["baseline"]["mean"], d.ate["model"]["mean"]
-        said.append(
-            f"Mean translation error on the held-out drive: {number(before)} m without, "
-            f"{number(after)} m with the causes."
-        )
+        both = f"{number(before)} m without, {number(after)} m with the causes"
+        told = both if d.findings else f"{number(before)} m"
+        said.append(f"Mean translation error on the held-out drive: {told}.")
     said += map(resting, d.levels)
     if d.small:
         names = ", ".join(map(title, d.small))
