@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import known_plants as known
 import made_up
 import vdmsi_jax as vj
 from vdmsi_jax.data.segment import Segment
@@ -144,3 +145,13 @@ def test_behind_a_gap_what_answers_to_unknown_commands_does_not_count():
     fit = vj.identify(log, "steering", poles=1, zeros=0, held_out=0.0).best
     low, high = fit.interval("delay")
     assert low - 0.002 < late * dt < high + 0.002
+
+
+@pytest.mark.parametrize(("gain", "told"), [(0.0, True), (0.5, False)])
+def test_a_response_that_may_be_nothing_but_noise_is_told(gain, told):
+    """Of many delays and poles some happen to answer noise, and are fitted."""
+    rng = np.random.default_rng(1)
+    u = known.steps(1500, 50, seed=1)
+    y = gain * known.response(known.POWERTRAIN, u, 0.02) + rng.standard_normal(1500)
+    grid = vj.identify(known.log(u, y, 0.02), "plant", poles=(1,), zeros=(0,))
+    assert any("nothing but noise" in warning for warning in grid.best.warnings) is told

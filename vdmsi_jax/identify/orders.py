@@ -25,6 +25,8 @@ from vdmsi_jax.models.transfer_function import TransferFunction, improper_reason
 
 _LOOKED = 20_000  # samples that the search looks at; of more, it settles on all what some taught
 _LONGEST_DELAY = 0.1  # of the record, where the user states no bound
+_ANSWERS = 6.0  # standard errors of a response from none, below which delay and poles may only have
+# been picked to answer noise
 _DRIFT = 3.0  # points of FIT for which an unsupported order is taken
 _GROWN = 10.0  # points of FIT for which an unsound order is taken
 _ENOUGH = 0.7  # of the samples, that must answer to commands of their own segment
@@ -255,12 +257,14 @@ def _fit(
     lost = len(parameters) + n * len(record.segments)
     sensible = np.array([not (name == "delay" and n == m) for name in names])
     covariance = np.zeros((len(names), len(names)))
-    covariance[np.ix_(sensible, sensible)] = parameter_covariance(
-        np.where(counted[:, None], jacobian, 0.0)[:, sensible],
-        np.where(counted, y - predicted, 0.0),
-        [slice(s.start, s.stop) for s in record.segments],
-        lost,
-    )
+
+    def spread(slopes: Floats) -> Floats:
+        """Covariance of what has these slopes."""
+        left = np.where(counted, y - predicted, 0.0)
+        stretches = [slice(s.start, s.stop) for s in record.segments]
+        return parameter_covariance(np.where(counted[:, None], slopes, 0.0), left, stretches, lost)
+
+    covariance[np.ix_(sensible, sensible)] = spread(jacobian[:, sensible])
     # a feed-through shows a delay to the sample, and has no slope over it
     covariance[~sensible, ~sensible] = record.dt**2 / 12
     num, den = parameters[: m + 1], np.append(1.0, parameters[m + 1 : m + 1 + n])
@@ -276,6 +280,13 @@ def _fit(
         most = f"{longest * record.dt:g} s"
         warnings.append(
             f"the delay is as long as it may be, {most}: allow more by [identify] delay"
+        )
+    moved = predicted - np.mean(predicted[counted])
+    size = math.sqrt(float(spread(moved[:, None])[0, 0]))  # of a factor of all that it does
+    if size > 1.0 / _ANSWERS:
+        told = f"{1.0 / size:.1f} standard errors from nothing"
+        warnings.append(
+            f"the response may be nothing but noise: what follows the command is {told}"
         )
     mse = float(metrics.mse(y[counted], predicted[counted]))
     likelihood = counted.sum() * math.log(max(mse, 1e-300))
