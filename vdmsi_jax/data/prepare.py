@@ -40,7 +40,7 @@ _FINEST = 100  # samples that may be made of one row
 _ROUNDING = 0.02  # how far the period of an uneven log may move to become a rounder number
 _WIDEST = 0.5 * np.pi  # rad, that a wheel is turned
 _LOOKED_AT = 3_000_000  # rows at the most, that are looked at for outliers: 5 s a million
-_MANY = 0.5  # of the rows, that a log keeps whose cells are rarely empty
+_MANY = 0.7  # of the rows, that a log keeps whose cells are rarely empty
 _BETWEEN_RUNS = 1.0  # s between runs whose clocks restarted
 
 

@@ -120,6 +120,12 @@ def repeats(runs: Runs) -> tuple[Pair, ...]:
     return pairs(np.stack(told), inside, logs, runs.dt)
 
 
+def _range(values: np.ndarray) -> tuple[float, float]:
+    """Between what values nearly all are; of what hardly ever moves, all."""
+    low, high = np.quantile(values, [0.02, 0.98])
+    return (float(low), float(high)) if high > low else (float(values.min()), float(values.max()))
+
+
 def make_stage(name, u, y, mask, held_out, shared, allowed, wheres, dt, begun=None) -> Stage:
     """A stage with the sizes of its signals, from arrays."""
     begun = np.zeros((len(u), 1)) if begun is None else begun
@@ -127,8 +133,8 @@ def make_stage(name, u, y, mask, held_out, shared, allowed, wheres, dt, begun=No
     known = mask | held_out
     pieces = [row[use] for row, use in zip(y, known, strict=True) if use.any()]
     lengths = [int(use.sum()) for use in known]
-    low, high = np.quantile(u[known], [0.02, 0.98])
-    y_low, y_high = np.quantile(y[known], [0.02, 0.98])
+    low, high = _range(u[known])
+    y_low, y_high = _range(y[known])
     noise = white_noise_std(pieces)
     scales = Scales(
         float(low), float(high), float(y_low), float(y_high),

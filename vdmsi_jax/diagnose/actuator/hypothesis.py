@@ -217,12 +217,14 @@ def states_of(stage: Stage, h: Hypothesis) -> np.ndarray:
 
 def growth(stage: Stage, hypotheses: Sequence[Hypothesis]) -> Float[np.ndarray, " L"]:
     """How much the least stable pole of each plant grows over a run, as an exponent; nothing
-    where all decay."""
+    where all decay. A plant that a step has led out of all bounds has no end."""
     A = np.zeros((len(hypotheses), POLES, POLES))
     for own, h in zip(A, hypotheses, strict=True):  # companion matrices; what is idle rests
         own[0, : h.poles] = -h.theta[: h.poles]
         own[np.arange(1, h.poles), np.arange(h.poles - 1)] = 1.0
-    fastest = np.linalg.eigvals(A).real.max(axis=1)
+    there = np.isfinite(A).all(axis=(1, 2))
+    fastest = np.full(len(A), np.inf)
+    fastest[there] = np.linalg.eigvals(A[there]).real.max(axis=1)
     return fastest * stage.pace * stage.dt * stage.u.shape[1]
 
 

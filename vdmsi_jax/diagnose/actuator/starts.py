@@ -13,6 +13,7 @@ from .stage import Stage
 _STATIC = ("saturation", "dead_zone", "gain_nonlinearity", "gain_asymmetry")
 _TWO_SIDED = ("saturation", "rate_limit")
 _TIMES = 48  # moments that are tried
+_LEVEL = 10.0  # of its range, that a level of the command counts for at the most
 _SMALLEST, _WIDEST = 0.02, 0.25  # steps that are tried, of the command's range
 _PACES = (1.0, 2.0, 5.0)  # of a plant beside a delay, which had told it by a slower pole
 _DELAYS, _LONGEST, _NEARLY = 16, 0.1, 2.0  # how many are tried, up to which share of the longest
@@ -279,8 +280,9 @@ def _changed(stage: Stage, h: Hypothesis, number: int) -> list[Hypothesis]:
 
 def _steps(scales: Scales) -> np.ndarray:
     """Sizes of steps to try, each as far from the one before as rounding the largest command the
-    same way allows."""
-    largest, whole = max(abs(scales.low), abs(scales.high)), scales.high - scales.low
+    same way allows. Of a command that hardly moves beside its level they would be endless."""
+    whole = scales.high - scales.low
+    largest = min(max(abs(scales.low), abs(scales.high)), _LEVEL * whole)
     sizes = [_SMALLEST * whole]
     while sizes[-1] < _WIDEST * whole:
         sizes.append(sizes[-1] * (1.0 + sizes[-1] / (6.0 * largest)))

@@ -12,6 +12,8 @@ from ..signals.colour import whiten
 from ..signals.windows import inverse
 from .body import INDEX, Body
 
+_NO_NOISE = 1e-200  # variance at the least: of logs that were made up, and stand still
+
 
 @dataclass(frozen=True, eq=False)
 class BodyFit:
@@ -104,7 +106,7 @@ class BodyLane:
                 left = e[c] - np.tensordot(self.shares[c], X, 1)
                 self.colour[c] = self.body.colour(c, left)
                 self._still.pop(c, None)
-            self.variance[c] = float(np.mean(self.white(c, left[None]) ** 2))
+            self.variance[c] = max(float(np.mean(self.white(c, left[None]) ** 2)), _NO_NOISE)
         self._value = None
 
     def cost(self, y: dict[str, np.ndarray]) -> float:
@@ -173,8 +175,7 @@ class BodyLane:
     def loglik(self) -> float:
         """Over all channels."""
         return -0.5 * sum(
-            int(self.body.counted[c].sum()) * float(np.log(max(self.variance[c], 1e-300)))
-            for c in self.y
+            int(self.body.counted[c].sum()) * float(np.log(self.variance[c])) for c in self.y
         )
 
     def finish(self) -> BodyFit:
