@@ -67,7 +67,7 @@ def compare(record: Record, model: Model, *, window: float = 20.0) -> Comparison
     make_room()
     plants = {name: plant for name, plant in model.plants.items() if plant.spec.input in record}
     if not model.plants:
-        mend = "give one that was identified from logs with commands"
+        mend = "give one that was made of logs whose commands change"
         raise InputError("model", "plants", "it has no actuator to simulate", mend)
     if not plants:
         asked = ", ".join(sorted({plant.spec.input for plant in model.plants.values()}))
