@@ -76,3 +76,26 @@ def test_a_sensor_that_hangs_now_and_then_is_told_where_it_does():
 )
 def test_all_else_stays_as_it_is(record):
     assert without_stuck_speed([record]) == ([record], [])
+
+
+@pytest.mark.slow
+def test_a_path_on_which_no_speed_is_known_is_not_told():
+    """Of the drive that judges nothing but one number is logged as its speed."""
+    rng, logs = np.random.default_rng(5), []
+    for run in range(3):
+        n, dt = 500, 0.04
+        u = np.repeat(rng.uniform(1.0, 5.0, n // 50), 50)
+        v = np.convolve(u - u[0], 0.08 * 0.92 ** np.arange(100))[:n] + u[0]
+        delta = 0.2 * np.sin(0.5 * dt * np.arange(n) + run)
+        psi = np.cumsum(v * np.tan(delta) / 2.0) * dt
+        x, y = (np.cumsum(v * way(psi)) * dt for way in (np.cos, np.sin))
+        told = np.full(n, v[0]) if run == 2 else v + 0.01 * rng.standard_normal(n)
+        drive = dict(v_cmd=u, delta_cmd=delta, v=told, delta=delta, x=x, y=y, psi=psi)
+        car = vj.VehicleGeometry(l_f=1.0, l_r=1.0)
+        noise = {c: 0.003 * rng.standard_normal(n) for c in ("delta", "x", "y", "psi")}
+        drive = {c: s + noise.get(c, 0.0) for c, s in drive.items()}
+        logs.append(vj.Record.from_arrays(dt=dt, name=f"{run}", vehicle=car, **drive))
+    found = vj.diagnose(logs)
+    assert any("to the last digit" in said for said in (*found.unseen, found.summary))
+    assert found.ate is None or np.isfinite(found.ate["model"]["mean"])
+    assert "nan" not in found.summary

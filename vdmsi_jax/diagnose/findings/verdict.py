@@ -295,13 +295,14 @@ class Evidence:
         return replace(found, sentence=sentence(found))
 
     def _road(self) -> Road | None:
+        """The drives on the road; None where there are none, or no speed is known on them."""
         if self.bodily is None or "forward" not in self.bodily.body.measured:
             return None
         angle = steering_angle(self.runs)
         assert angle is not None
-        return Road(
-            self.runs, {s.output: f for s, f in self.searches.items()}, self.bodily, angle[0]
-        )
+        searches = {spec.output: own for spec, own in self.searches.items()}
+        road = Road(self.runs, searches, self.bodily, angle[0])
+        return road if math.isfinite(road.baseline_mean + road.extended_mean) else None
 
     def _budget(
         self, causes: Sequence[Named], road: Road | None, structure: Mapping[str, float]
