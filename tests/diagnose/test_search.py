@@ -50,6 +50,7 @@ def looked_at(monkeypatch, first, takes_over, fails, without, smaller=None):
         "_whole": lambda whole, stage, plain, grid, now, findings: Found(now, findings),
         "_failing": failing,
         "Failed": lambda finding, fit: SimpleNamespace(finding=finding),
+        "is_answered": lambda stage, fit: False,
         "findings_of": lambda stage, findings, *_: (findings, takes_over),
         "_takes_over": lambda *_: True,
         "_in_smaller_plant": lambda *_: smaller,
