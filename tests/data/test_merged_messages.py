@@ -126,6 +126,15 @@ def test_a_refusal_says_how_such_a_table_is_read(tmp_path, missing, told):
     assert 'missing = "interpolate"' in str(refused.value)
 
 
+def test_a_log_of_which_every_second_row_lacks_a_channel_is_told_to_fill_it(tmp_path):
+    t = 0.02 * np.arange(400)
+    rows = [f"{at:.2f},{i % 7},{'' if i % 2 else 1.0}" for i, at in enumerate(t)]
+    (tmp_path / "run.csv").write_text("\n".join(["t,v_cmd,v", *rows]))
+    with pytest.raises(InputError, match="many rows lack a channel") as refused:
+        vj.read_log(tmp_path / "run.csv", Config(prepare=Prepare(missing="gap")))
+    assert 'missing = "interpolate"' in str(refused.value)
+
+
 def even(tmp_path, columns, **how) -> vj.Record:
     path = write_csv(tmp_path / "even.csv", columns)
     return read_log(path, Config(prepare=Prepare(**({"missing": "interpolate"} | how))))

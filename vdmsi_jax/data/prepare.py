@@ -239,8 +239,10 @@ def _grids(rows: Rows, config: Config, period: float) -> tuple[list[slice], list
     if not long:
         problem = f"no stretch without a gap has the {enough} samples of {dt:g} s that are needed"
         mend = "give a longer log, or change [prepare] dt, gap or min_segment"
-        if config.prepare.missing == "gap" and rows.index.size < _MANY * rows.raw.t.size:
-            mend = 'most rows lack a channel: set [prepare] missing = "interpolate"'
+        kept = rows.index.size / rows.raw.t.size
+        if config.prepare.missing == "gap" and kept < _MANY:
+            several = "most" if kept < 0.5 else "many"
+            mend = f'{several} rows lack a channel: set [prepare] missing = "interpolate"'
         raise InputError(rows.raw.source, "", problem, mend)
     if len(long) < len(grids):
         lost = rows.index.size - sum(grids[k].position.size for k in long)

@@ -137,7 +137,7 @@ def make_stage(name, u, y, mask, held_out, shared, allowed, wheres, dt, begun=No
     y_low, y_high = _range(y[known])
     noise = white_noise_std(pieces)
     scales = Scales(
-        float(low), float(high), float(y_low), float(y_high),
+        low, high, y_low, y_high,
         rate=1.0, speed=float(np.mean(np.abs(shared[1][known]))),
         distance=float(shared[3][mask].max()),
         duration=max(lengths) * dt, dt=dt, time_constant=1.0,

@@ -106,7 +106,8 @@ class Remains:
         """The largest share of a channel that casts doubt on causes beside it, of what is so large
         at the least, as a share of the response's spread."""
         puzzling = [u for u in self.found if u.puzzling and not u.steady]
-        return _most([*puzzling, *self._beyond], channel, least)
+        every = (*puzzling, *self._beyond)
+        return _largest(u for u in every if u.size >= least).get(channel, 0.0)
 
     def outdoes(self, cause: str, channel: str, share: float) -> bool:
         """Whether a kind of error takes so much more of a channel's beside a cause of that kind,
@@ -151,7 +152,7 @@ class Remains:
 
     def disturbance(self, channel: str, least: float = 0.0) -> float:
         """Likewise the largest share of a steady slow error."""
-        return _most([u for u in self.found if u.steady], channel, least)
+        return _largest(u for u in self.found if u.steady and u.size >= least).get(channel, 0.0)
 
     @cached_property
     def dropping(self) -> set[str]:
@@ -230,11 +231,6 @@ def _plain(left: Unexplained) -> bool:
 def _settled(left: Unexplained, taken: float) -> bool:
     """Whether findings that took a share of a channel's error have explained it all the same."""
     return taken > _SETTLED and left.fraction * (1.0 - taken) < _OPEN
-
-
-def _most(left: Iterable[Unexplained], channel: str, least: float) -> float:
-    """The largest fraction in a channel of what is so large at the least."""
-    return max((u.fraction for u in left if u.channel == channel and u.size >= least), default=0.0)
 
 
 def _largest(left: Iterable[Unexplained]) -> dict[str, float]:

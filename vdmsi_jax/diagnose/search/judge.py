@@ -123,11 +123,11 @@ def gain_of(scored: Scored, use: Bool[np.ndarray, "R N"], held_out: bool, dt: fl
     blocks = blocks_in(int(use.sum()), dt, _BLOCKS, scored.memory)
     label = np.arange(y.size) * blocks // y.size
     kept = [label != b for b in range(blocks)]
-    kept = [k for k in kept if np.ptp(y[k]) > 0.0]
-    changes = np.array([fit_percent(y[k], after[k]) - fit_percent(y[k], before[k]) for k in kept])
-    se = abs(fits[1] - fits[0])  # where all that moves is in one block
-    if len(kept) == blocks:
-        se = float(np.sqrt((blocks - 1) / blocks * np.sum((changes - changes.mean()) ** 2)))
+    if all(np.ptp(y[k]) > 0.0 for k in kept):
+        rises = np.array([fit_percent(y[k], after[k]) - fit_percent(y[k], before[k]) for k in kept])
+        se = float(np.sqrt((blocks - 1) / blocks * np.sum((rises - rises.mean()) ** 2)))
+    else:  # all that moves is in one block
+        se = abs(fits[1] - fits[0])
     mse = float(np.mean(before**2)), float(np.mean(after**2))
     parts = scored.parts(use, dt)
     typical = float(np.median(parts)) if np.mean(parts > 0.0) >= _USUAL else 0.0
