@@ -1,12 +1,16 @@
 """The search over causes comes to an end."""
 
 import inspect
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+import vdmsi_jax as vj
+from vdmsi_jax.diagnose.prepare import stage_of
 from vdmsi_jax.diagnose.search import search
+from vdmsi_jax.diagnose.signals.runs import lay_out
 
 
 @dataclass(frozen=True)
@@ -99,3 +103,29 @@ def test_of_two_models_as_likely_the_one_with_fewer_parameters_is_told(
     monkeypatch.setattr(search, "score", lambda stage, fit: fit.score)
     monkeypatch.setattr(search, "rings_rather", lambda *_: False)
     assert inspect.unwrap(search._takes_over)(None, now, other, {}) is takes
+
+
+def test_a_rounding_fails_whose_errors_are_not_in_what_is_left_without_it():
+    """A plant behind a bus of steps of 0.25: with any other step its errors are others."""
+    spec, made = vj.PlantSpec("plant", "u", "y"), []
+    for run in range(2):
+        rng = np.random.default_rng(run)
+        u, y, level = np.repeat(rng.uniform(-1.0, 1.0, 60), 25), np.empty(1500), 0.0
+        for k, command in enumerate(0.25 * np.round(u / 0.25)):
+            y[k] = level
+            level += 0.1 * (command - level)
+        y += 0.02 * rng.standard_normal(y.size)
+        made.append(vj.Record.from_arrays(dt=0.02, name=f"run_{run}", plants=(spec,), u=u, y=y))
+    stage = stage_of(lay_out(made), spec)
+    found = search.search(stage)
+    (finding,) = found.findings
+    assert stage.slots[finding.number].cause == "quantization"
+    assert not search._hardly_shown(found, finding)
+    h = found.final.hypothesis
+    (step,) = stage.slots[finding.number].index
+    assert h.theta[step] == pytest.approx(0.25, rel=0.01)
+    for other in (0.11, 0.19, 0.31):
+        theta = h.theta.copy()
+        theta[step] = other
+        changed = replace(found.final, hypothesis=replace(h, theta=theta))
+        assert search._hardly_shown(replace(found, final=changed), finding)

@@ -8,10 +8,10 @@ import pytest
 from vdmsi_jax.data.record import Record
 from vdmsi_jax.diagnose.answer.result import Estimate, Gain, Unexplained
 from vdmsi_jax.diagnose.body.search import BodyFinding
-from vdmsi_jax.diagnose.findings.minor import SPOILS
+from vdmsi_jax.diagnose.findings.minor import SPOILS, Weighed
 from vdmsi_jax.diagnose.findings.naming import Named
 from vdmsi_jax.diagnose.findings.rounding import quantised, tells_rounding
-from vdmsi_jax.diagnose.findings.verdict import _doubt, _lost, _or_else
+from vdmsi_jax.diagnose.findings.verdict import _doubt, _lost, _of_another_form, _or_else
 from vdmsi_jax.diagnose.findings.weighing import of_innovations
 from vdmsi_jax.diagnose.residual.remains import Remains
 from vdmsi_jax.diagnose.signals.noise import OwnNoise
@@ -119,6 +119,26 @@ def test_what_a_sensor_that_drops_out_would_tell_is_minor(cause, where, channel,
     remains = Remains((Unexplained("v", 0.4, ("t",), kind=BURSTS),), ())
     told = replace(named(cause), where=where, channel=channel, search=None)
     assert bool(_lost(told, finding(cause, 0.8), remains, "forward", 0.8)) is minor
+
+
+@pytest.mark.parametrize(
+    ("part", "outdone", "own", "minor"),
+    [
+        (0.01, True, True, True),
+        (0.2, True, True, False),
+        (0.01, False, True, False),
+        (0.01, True, False, False),  # of another actuator
+    ],
+)
+def test_a_little_beside_what_only_stands_in_for_another_form_is_minor(part, outdone, own, minor):
+    """A limit of a rate, beside a gain by direction where it is the lag that has a direction."""
+    strong, search = object(), searched(OwnNoise())
+    object.__setattr__(search, "findings", (strong,) if own else ())
+    weighing = replace(WEIGHING, searches={SPEC: search})
+    limit = named("rate_limit", search=search)
+    of = Weighed(weighing, limit, trial(part), finding("rate_limit", 0.8), tried(limit))
+    remains = Remains((), (strong,) if outdone else ())
+    assert bool(_of_another_form(of, remains)) is minor
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,7 @@ from .weighing import MINOR, MUCH, Weighing
 LITTLE = "it takes little of the error"
 """Of what is significant and of no weight."""
 
+MENDS = "it may mend the form of what nothing explains"
 SPOILS = "the path gets worse with it"
 NO_SPEED = "all but the speed would be late, as where that is none of the vehicle's"
 SLOW = "any slow error has such a part"
@@ -57,8 +58,9 @@ _EXACT = 20.0  # standard errors, from which on the size of a delay is known bes
 _TAKEN = 0.4  # share, below which a cause that only brief noise shows may mend what is slow
 _REACHED = 0.1  # of the largest command, above which all are where nothing shows the one at zero
 _WEIGHED = 5.0  # standard errors, that the weight of a mode must have beside its plant
-_WEAK = 0.05  # share, below which a cause is next to nothing beside one above `_STRONG`, and below
-# twice of which where it is faint
+WEAK = 0.05
+"""Share, below which a cause is next to nothing beside one above half, and below twice of which
+where it is faint."""
 _CROWD = 4  # causes of one actuator, from which on they are one that the library lacks
 BENDS = frozenset({"gain_nonlinearity", "saturation", "gain_asymmetry"})
 """Of one characteristic."""
@@ -268,7 +270,7 @@ def worsens(gain: Gain, least: float = _WORSE) -> bool:
 RULES: tuple[tuple[str, Callable[[Weighed], bool]], ...] = (
     (LITTLE, _takes_little),
     ("its gain differs too much from block to block", _differs),
-    ("it may mend the form of what nothing explains", _is_a_trace),
+    (MENDS, _is_a_trace),
     ("data held out do not bear it out surely enough beside what is left", _is_not_borne_out),
     ("what it leaves unexplained is more than it takes", _leaves_more),
     (SLOW, _is_slow),
@@ -344,7 +346,7 @@ def overshadowed(found: Finding, findings: Sequence[Finding]) -> bool:
     """Whether it is next to nothing beside a strong finding, whose form it may mend: a fade that is
     not quite straight, a part that is not quite a formula. A delay that is known exactly mends
     none but one of its own actuator."""
-    weak = _WEAK if found.statistic >= _FAINT else 2.0 * _WEAK
+    weak = WEAK if found.statistic >= _FAINT else 2.0 * WEAK
     strong = [f for f in findings if f.share > _STRONG]
     if _exact(found):
         strong = [f for f in strong if f.where == found.where]

@@ -30,9 +30,11 @@ from .looked import Looked
 from .merging import merged, of_yaw_rate
 from .minor import (
     LITTLE,
+    MENDS,
     NO_SPEED,
     SLOW,
     SPOILS,
+    WEAK,
     Weighed,
     changes_somehow,
     crowd,
@@ -163,6 +165,7 @@ class Evidence:
             disturbance = _doubt(remains.disturbance, cause, trial.gain)
             of = Weighed(weighing, cause, trial, found, trials, puzzle, disturbance, leads)
             why = of.why_minor() or _lost(cause, found, remains, channel, of.share)
+            why = why or _of_another_form(of, remains)
             if why:
                 minor.append(apart(found, why))
                 if changes_somehow(found, why):
@@ -362,6 +365,15 @@ def _lost(cause: Named, found: Finding, remains: Remains, channel: str, share: f
     if stands_still or (cause.where in ("sensor", "vehicle") and sensor in remains.dropping):
         return "its sensor drops out"
     return ""
+
+
+def _of_another_form(of: Weighed, remains: Remains) -> str:
+    """Why a cause is minor that takes little of all that its channel errs by, beside one of its
+    actuator that only stands in for what has no name; empty where it is not."""
+    search = of.cause.search
+    beside = () if search is None else search.findings
+    outdone = any(f in remains.outdone for f in beside)
+    return MENDS if outdone and 0.0 <= of.part < WEAK else ""
 
 
 def _or_else(cause: Named, others: Sequence[Named]) -> Named:
