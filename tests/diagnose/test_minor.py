@@ -242,11 +242,24 @@ def test_of_what_only_brief_noise_shows_little_mends_what_takes_more():
     assert not alone  # what leads is told, however little it takes beside the others
 
 
+@pytest.mark.parametrize("pieces", [1, 4])
 @pytest.mark.parametrize(
     ("at", "over", "minor"),
     [(0.04, "run", True), (0.97, "run", True), (0.3, "run", False), (0.04, "session", False)],
 )
-def test_a_change_as_the_runs_begin_or_end_is_what_warms_up(at, over, minor):
+def test_a_change_as_the_runs_begin_or_end_is_what_warms_up(at, over, minor, pieces):
+    """A long run lies in pieces side by side, and its clock goes on from one to the next."""
+    edges = [2000 * k // pieces for k in range(pieces + 1)]
+    since = tuple(RUNS.dt * a for a in edges[:-1])
+    cut = replace(
+        RUNS,
+        names=RUNS.names * pieces,
+        starts=tuple(edges[:-1]),
+        stops=tuple(edges[1:]),
+        since=since,
+        judged=RUNS.judged * pieces,
+    )
+    assert cut.lasting == RUNS.lasting == 100.0
     search = searched(OwnNoise())
     slot = SimpleNamespace(effect=RegimeChange(over=over))
     object.__setattr__(search.stage, "slots", (slot,))
@@ -254,9 +267,9 @@ def test_a_change_as_the_runs_begin_or_end_is_what_warms_up(at, over, minor):
     finding = PlantFinding(0, 160.0, nowhere)
     change = replace(named("regime_change", search=search), finding=finding)
     trial, told = judged(change, 89.5, 91.8)
-    sizes = {"time": Estimate(at * RUNS.longest, 0.1, "s"), "gain": Estimate(-0.2, 0.01, "1")}
+    sizes = {"time": Estimate(at * 100.0, 0.1, "s"), "gain": Estimate(-0.2, 0.01, "1")}
     told = replace(told, parameters=sizes)
-    why = Weighed(WEIGHING, change, trial, told, [(change, trial)]).why_minor()
+    why = Weighed(replace(WEIGHING, runs=cut), change, trial, told, [(change, trial)]).why_minor()
     assert ("begin" in why) is minor
     assert changes_somehow(told, why) is minor
 

@@ -203,7 +203,7 @@ def _only_begins(of: Weighed) -> bool:
         return False
     if getattr(search.stage.slots[finding.number].effect, "over", "run") != "run":
         return False
-    at = of.found.parameters["time"].value / of.weighing.runs.longest
+    at = of.found.parameters["time"].value / of.weighing.runs.lasting
     return not _EDGE < at < 1.0 - _EDGE
 
 

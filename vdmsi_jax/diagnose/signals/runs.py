@@ -50,6 +50,12 @@ class Runs:
         """Duration of the longest, s."""
         return self.length * self.dt
 
+    @property
+    def lasting(self) -> float:
+        """How long the longest of the runs that they belong to lasts, as far as they reach, s."""
+        ends = zip(self.since, self.starts, self.stops, strict=True)
+        return max(since + (stop - start) * self.dt for since, start, stop in ends)
+
     def channel(self, name: str) -> Float[np.ndarray, "R N"]:
         """A channel, padded by its last value; zeros where a record lacks it."""
         return np.stack(
