@@ -3,6 +3,9 @@
 import numpy as np
 from jaxtyping import Float
 
+FEWEST = 4
+"""Distinct values, below which they lie on some lattice anyway."""
+
 _FEWER = 0.35  # distinct values per sample, above which there is no lattice to speak of
 _OFF = 0.05  # of a step, that a value may lie off the lattice
 
@@ -14,7 +17,7 @@ def lattice_step(values: Float[np.ndarray, " N"]) -> float | None:
     the caller to judge, by the noise.
     """
     distinct = np.unique(values)
-    if not 4 <= distinct.size <= _FEWER * values.size:
+    if not FEWEST <= distinct.size <= _FEWER * values.size:
         return None
     gaps = np.diff(distinct)
     gaps = gaps[gaps > 1e-9 * np.ptp(distinct)]  # what rounding in the file has split

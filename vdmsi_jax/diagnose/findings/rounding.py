@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...data.lattice import FEWEST
 from ...data.record import Record
 from ..answer.result import ChannelScore, Estimate, Finding, Gain
 from ..residual.leftover import steps_of
@@ -71,10 +72,12 @@ def of_the_sensor(found: Search, records: Sequence[Record], channel: str) -> set
 
 
 def _sensor_step(records: Sequence[Record], channel: str) -> float | None:
-    """Size of the steps in which a channel was measured, where more than half of the records were;
-    else None."""
+    """Size of the steps in which a channel was measured, where more than half of the records were
+    in which it has enough values to tell; else None."""
     steps = steps_of(records, channel)
-    return float(np.median(steps)) if 2 * len(steps) > len(records) else None
+    told = [r for r in records if channel in r]
+    telling = [r for r in told if np.unique(r[channel]).size >= FEWEST]
+    return float(np.median(steps)) if 2 * len(steps) > len(telling) else None
 
 
 def _same_step(plant: float, sensor: float) -> bool:
