@@ -99,6 +99,23 @@ def test_a_play_narrower_than_the_steps_of_what_is_logged_is_their_rounding(gap,
     assert tells_rounding(play, trial(0.5), rounded) is same
 
 
+T = np.linspace(0.0, 9.0, 400)
+
+
+@pytest.mark.parametrize(
+    ("told", "found"),
+    [(0.04 * np.round(np.sin(T) / 0.04), True), (np.sin(T), False), (0.04 * (T > 5.0), False)],
+)
+def test_a_run_of_few_values_does_not_speak_against_the_steps_of_another(told, found):
+    """Of a yaw rate: a run of curves in steps, one in none, or one more straight one, beside two
+    straight ones of three values."""
+    straight = [0.04 * np.round(0.05 * np.sin(T + k) / 0.04) for k in range(2)]
+    logs = enumerate([told, *straight])
+    records = [Record.from_arrays(dt=0.05, name=f"run_{k}", y=y) for k, y in logs]
+    rounded = quantised(records, {"y": replace(SCORE, mse=0.04**2 / 12.0)})
+    assert bool(rounded) is found
+
+
 def test_a_cause_of_the_body_that_is_next_to_nothing_of_its_channel_s_error_is_minor():
     """Of a yaw rate that understeer had spoilt: a wheelbase that is off by a per cent."""
     weighing = replace(WEIGHING, baseline={"y": replace(SCORE, mse=3.0)})
