@@ -141,19 +141,23 @@ def test_the_static_level_of_friction_is_told_where_the_data_tell_it(level, more
 
 
 @pytest.mark.parametrize(
-    ("cause", "parameters", "alike"),
+    ("cause", "where", "parameters", "alike"),
     [
-        ("drag", {"linear": 0.1, "quadratic": 0.02}, "coulomb_friction"),
-        ("drag", {"linear": 0.1, "quadratic": 0.2}, None),
-        ("backlash", {"gap": 0.1, "centring": 13.0}, "dead_zone"),
-        ("backlash", {"gap": 0.1, "centring": 1.0}, None),
-        ("backlash", {"gap": 0.1}, None),
+        ("drag", "powertrain", {"linear": 0.1, "quadratic": 0.02}, "coulomb_friction"),
+        ("drag", "powertrain", {"linear": 0.1, "quadratic": 0.2}, None),
+        ("backlash", "plant", {"gap": 0.1, "centring": 13.0}, "dead_zone"),
+        ("backlash", "plant", {"gap": 0.1, "centring": 1.0}, None),
+        ("backlash", "steering", {"gap": 0.1}, None),
+        ("coulomb_friction", "steering", {"level": 0.1}, "backlash"),
+        ("coulomb_friction", "steering", {"level": 0.1, "static": 0.11}, "backlash"),
+        ("coulomb_friction", "steering", {"level": 0.1, "static": 0.12}, None),
+        ("coulomb_friction", "powertrain", {"level": 0.1}, None),
     ],
 )
-def test_causes_that_are_the_same_force(cause, parameters, alike):
+def test_causes_that_are_the_same_force(cause, where, parameters, alike):
     """Uncertain by 0.01; the slowest time constant is 0.2 s."""
     told = {name: Estimate(value, 0.01, "1") for name, value in parameters.items()}
-    assert _same_force(cause, told, 0.2) == alike
+    assert _same_force(cause, where, told, 0.2) == alike
 
 
 @pytest.mark.parametrize(("bias", "leans"), [(0.005, True), (-0.005, True), (0.02, False)])
