@@ -17,6 +17,10 @@ _POSE = (
     "log the pose, heading included, beside the yaw rate: it tells how far the vehicle has come, "
     "and where to"
 )
+_BY_HAND = (
+    "turn the wheels by hand while the motor is held, which only a gap lets them do; for a gap "
+    "outside the servo's loop, {}"
+)
 _SENSOR = (
     "log the yaw rate and the pose beside this channel: a sensor's fault is not seen in them, "
     "and an actuator's is"
@@ -38,7 +42,10 @@ def experiment(cause: Named, rivals: Sequence[Rival], bodily: BodySearch | None)
     for k, _ in cause.finding.others:
         if (stage.slots[k].cause, stage.slots[k].where) in names:
             other = _in_place(cause.search, cause.finding.less, k)
-            return separate(stage, cause.search.final, other)
+            told = separate(stage, cause.search.final, other)
+            same = any(r.cause == stage.slots[k].cause and r.deficit == 0.0 for r in rivals)
+            gap = cause.cause == "coulomb_friction" and stage.slots[k].cause == "backlash"
+            return _BY_HAND.format(told) if gap and same else told
     for beside in cause.search.findings:
         slot = stage.slots[beside.number]
         if (slot.cause, slot.where) in names:

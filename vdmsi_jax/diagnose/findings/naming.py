@@ -113,6 +113,7 @@ def of_stage(search: Search, units: tuple[str, str]) -> list[Named]:
         rivals = []
         for k, lack in finding.others:
             other = search.stage.slots[k]
+            lack = 0.0 if other.cause == alike else lack  # by another form of it
             same = k in finding.rivals or other.cause == alike
             rivals.append(Rival(other.cause, other.where, lack, same))
         found.append(
