@@ -43,9 +43,9 @@ def experiment(cause: Named, rivals: Sequence[Rival], bodily: BodySearch | None)
         if (stage.slots[k].cause, stage.slots[k].where) in names:
             other = _in_place(cause.search, cause.finding.less, k)
             told = separate(stage, cause.search.final, other)
-            same = any(r.cause == stage.slots[k].cause and r.deficit == 0.0 for r in rivals)
-            gap = cause.cause == "coulomb_friction" and stage.slots[k].cause == "backlash"
-            return _BY_HAND.format(told) if gap and same else told
+            friction = (cause.cause, cause.where) == ("coulomb_friction", "steering")
+            gap = any(r.cause == "backlash" and r.deficit == 0.0 for r in rivals)
+            return _BY_HAND.format(told) if friction and gap else told
     for beside in cause.search.findings:
         slot = stage.slots[beside.number]
         if (slot.cause, slot.where) in names:

@@ -113,9 +113,10 @@ def of_stage(search: Search, units: tuple[str, str]) -> list[Named]:
         rivals = []
         for k, lack in finding.others:
             other = search.stage.slots[k]
-            lack = 0.0 if other.cause == alike else lack  # by another form of it
-            same = k in finding.rivals or other.cause == alike
-            rivals.append(Rival(other.cause, other.where, lack, same))
+            if other.cause == alike:  # by a form that follows the same law
+                rivals.append(Rival(other.cause, other.where, 0.0, True))
+            else:
+                rivals.append(Rival(other.cause, other.where, lack, k in finding.rivals))
         found.append(
             Named(
                 slot.cause,

@@ -287,9 +287,8 @@ def _confirmed(found: Search, finding: PlantFinding) -> float:
     less = found.without(finding)
     scored = Scored.of_stage(stage, less, found.final)
     worth = confirmed(scored, stage.held_out, stage.dt)[0]
-    fails = _worse(scored, stage) or _drawn(stage, finding.number, scored)
-    fails = fails or _hardly_shown(found, finding)
-    return -abs(worth) if fails else worth
+    drawn = _drawn(stage, finding.number, scored) or _hardly_shown(found, finding)
+    return -abs(worth) if drawn or _worse(scored, stage) else worth
 
 
 def _untold(found: Search, finding: PlantFinding) -> bool:
@@ -322,7 +321,7 @@ def _hardly_shown(found: Search, finding: PlantFinding) -> bool:
     less = found.without(finding)
     exact, rounded = responses(stage, [without(stage, h, finding.number), h])
     both = np.where(stage.mask, np.stack([stage.y - less.y, rounded - exact]), 0.0)
-    error, does = whiten(both, np.stack([less.colour] * 2)) * stage.mask
+    error, does = whiten(both[None], less.colour[None])[0] * stage.mask
     return float(np.sum(error * does)) < _SHOWN * float(np.sum(does**2))
 
 
