@@ -357,8 +357,11 @@ def main(arguments: list[str] | None = None) -> None:
         if arguments == ["--version"]:
             print(f"vdmsi {__version__}", flush=True)
             return
-        with _plain_warnings():
-            call_of(arguments, COMMANDS)()
+        try:
+            with _plain_warnings():
+                call_of(arguments, COMMANDS)()
+        finally:
+            sys.stdout.flush()  # here, where a reader that went away is looked after
     except InputError as refused:
         print(f"vdmsi: {refused}", file=sys.stderr)
         raise SystemExit(2) from None

@@ -217,8 +217,13 @@ def test_a_reader_that_goes_away_breaks_nothing(report, settings, tmp_path):
     logs = [DEMO / "powertrain_steps.csv", "--config", settings, "--out", tmp_path]
     asked = ["identify", *logs] if report else ["--help"]
     code = f"from vdmsi_jax.cli import main; main({[str(a) for a in asked]!r})"
+    usual = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     with subprocess.Popen(
-        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-c", code],
+        env=usual,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     ) as process:
         assert process.stdout is not None and process.stderr is not None
         process.stdout.close()
