@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -9,13 +10,14 @@ from vdmsi_jax.compare import compare, simulation_document, write_trajectories
 from vdmsi_jax.config import PlantSpec, VehicleGeometry
 from vdmsi_jax.data.record import Record, Segment
 from vdmsi_jax.effects.backlash import Backlash
+from vdmsi_jax.effects.base import Signals
 from vdmsi_jax.effects.gain_drift import GainDrift
 from vdmsi_jax.effects.offset import Offset
-from vdmsi_jax.effects.sensor import SensorBias, SensorDelay
+from vdmsi_jax.effects.sensor import SensorBias, SensorDelay, SensorLag
 from vdmsi_jax.effects.speed_dependent_gain import SpeedDependentGain
 from vdmsi_jax.effects.understeer import Understeer
 from vdmsi_jax.errors import InputError
-from vdmsi_jax.model_file import Model, Plant
+from vdmsi_jax.model_file import Model, Plant, load_model, save_model
 from vdmsi_jax.models.extended_plant import ExtendedPlant
 from vdmsi_jax.models.transfer_function import TransferFunction
 from vdmsi_jax.report.page import render
@@ -320,6 +322,24 @@ def test_a_model_with_effects_is_a_third_prediction(extended, tmp_path):
     second = dataclasses.replace(comparison, record=comparison.record.renamed("monday/run.2"))
     names = {path.name for path in write_trajectories(tmp_path, second)}
     assert "monday.run.2.measured.tum" in names, "run.1 and run.2 would share their files"
+
+
+@pytest.mark.parametrize(
+    "sensor", [SensorBias(0.2), SensorDelay(12 * DT), SensorLag(8 * DT)], ids=lambda s: s.cause
+)
+def test_a_heading_is_begun_as_it_is_and_not_as_its_sensor_tells_it(extended, sensor, tmp_path):
+    """A path that begins where a late or turned heading points leads elsewhere."""
+    model = dataclasses.replace(extended, sensors=(*extended.sensors[:2], ("psi", sensor)))
+    model = load_model(save_model(tmp_path / "model.json", model))
+    log = driven(extended)
+    psi = np.asarray(sensor.sensor(jnp.asarray(log["psi"]), Signals.plain(log.n, DT)))
+    turning = int(np.argmax(np.abs(log["r"][50:600]))) + 50
+    log = record({name: x[turning:] for name, x in {**log.channels, "psi": psi}.items()})
+    apart, best = (
+        compare(log, m).predictions["extended"].whole.ate["max"]
+        for m in (dataclasses.replace(model, sensors=model.sensors[:2]), model)
+    )
+    assert best < 0.1 < 0.2 * apart
 
 
 def test_vdm_si_is_the_baseline_and_not_what_effects_leave(extended):

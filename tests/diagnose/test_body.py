@@ -174,9 +174,9 @@ def test_a_speed_that_lags_is_told_by_the_pose_though_the_angle_was_made_of_it()
     assert found["sensor_lag"] == pytest.approx(lag, rel=0.1)
 
 
-def swerving(jump: float = 0.0) -> Body:
+def swerving(jump: float = 0.0, late: float = 0.0) -> Body:
     """A run whose curvature follows the angle by 15 ms, told by yaw rate and pose; for two seconds
-    the position is off by so many metres."""
+    the position is off by so many metres, and the heading is told `late` seconds after it was."""
     rng, wheelbase, keep = np.random.default_rng(8), 2.7, np.exp(-DT / FINE / 0.015)
     t = DT / FINE * np.arange(ROWS * FINE)
     speed = 4.0 + 2.0 * np.sin(2.0 * np.pi * 0.35 * t)
@@ -196,6 +196,7 @@ def swerving(jump: float = 0.0) -> Body:
     def told(values, noise):
         return values[None, ::FINE] + noise * rng.standard_normal((1, ROWS))
 
+    psi = np.interp(t - late, t, psi)
     pose = [told(values, 0.002) for values in (x, y, psi)]
     return posed(speed[None, ::FINE], angle[None, ::FINE], pose, wheelbase, r=told(rate, 0.003))
 
@@ -203,6 +204,15 @@ def swerving(jump: float = 0.0) -> Body:
 def test_tyres_that_follow_the_angle_late_leave_the_speed_as_it_is():
     """A lag of the curvature alone had been told as a speed that comes late."""
     assert not found_in(swerving())
+
+
+def test_a_heading_that_comes_later_than_the_position_beside_it_is_found():
+    """As of a compass that is smoothed: before it had a name, half a second was not told at all."""
+    found = search_body(swerving(late=0.2))
+    causes = [CAUSES[f.number] for f in found.findings]
+    assert [(c.cause, c.channel) for c in causes] == [("sensor_delay", "psi")]
+    late = float(found.final.theta[INDEX[found.findings[0].number][0]])
+    assert late == pytest.approx(0.2, abs=0.01)
 
 
 @pytest.mark.parametrize("jump", [0.0, 0.3])

@@ -11,6 +11,7 @@ from jaxtyping import ArrayLike, Float
 
 from ..config import POSE
 from ..data.record import Record
+from ..data.segment import Segment
 from ..effects import Signals
 from ..model_file import Model, Plant
 from ..models.extended_plant import ExtendedPlant, surroundings
@@ -96,8 +97,8 @@ def motion(record: Record, model: Model, kind: Kind) -> tuple[dict[str, np.ndarr
         pose = ends.get(segment.run, (0.0, 0.0, 0.0))
         if posed:
             pose = tuple(float(record[name][segment.start]) for name in POSE)
-        elif "psi" in record:
-            pose = (*pose[:2], float(record["psi"][segment.start]))
+        if "psi" in record:
+            pose = (*pose[:2], _heading(record, model, segment, kind))
         start = Start(*pose, powertrain=powertrain[i], steering=steering[i])
         commands = Commands(speeds[i], angles[i], record.dt, **known)
         trajectories.append(simulate(vehicle, commands, start))
@@ -110,6 +111,17 @@ def motion(record: Record, model: Model, kind: Kind) -> tuple[dict[str, np.ndarr
         for name in (*POSE, "v", "delta", "r")
     }
     return channels, str(RESULTS[failed[0].status]) if failed else SUCCESSFUL
+
+
+def _heading(record: Record, model: Model, segment: Segment, kind: Kind) -> float:
+    """Heading with which a segment begins: as measured, or, where a model knows its sensor, what
+    that reads when it has come so late as it tells a steady turn, less what it adds to a heading
+    that stays."""
+    psi, rows = np.unwrap(record["psi"][segment.samples]), np.arange(float(record.n))
+    if kind is not Kind.EXTENDED:
+        return float(psi[0])
+    bias, turned = (_measured(record, model, "psi", y)[-1] for y in (0.0 * rows, rows))
+    return float(np.interp(rows[-1] + bias - turned, rows[: len(psi)], psi) - bias)
 
 
 def sensed(

@@ -154,7 +154,7 @@ def load_model(path: str | Path) -> Model:
     plants = {name: entry.to_plant(name) for name, entry in file.plants.items()}
     try:
         body = all_made(file.body, VEHICLE, "body")
-        seen = {"v", "delta", "r", "pose", *(plant.spec.output for plant in plants.values())}
+        seen = {"v", "delta", "r", "psi", "pose", *(plant.spec.output for plant in plants.values())}
         sensors = all_made(file.sensors, SENSOR, "sensors", seen)
     except InputError as error:
         raise error.within(source, "") from None

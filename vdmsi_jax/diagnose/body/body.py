@@ -100,6 +100,8 @@ SENSORS = (
     ("v", SensorDelay()),
     ("v", SensorBias()),
     ("psi", SensorBias()),
+    ("psi", SensorLag()),
+    ("psi", SensorDelay()),
     ("pose", SensorDelay()),
 )
 """Which sensor may have which fault. A bias of the angle is the offset of the wheels."""
@@ -245,6 +247,7 @@ class Body:
                 hidden |= {("sensor_lag", "v"), ("sensor_delay", "v")}
         if "aside" not in self.measured or self.by_course:  # a course has no side
             hidden |= {("bank", None), ("sensor_bias", "psi")}
+            hidden |= {("sensor_lag", "psi"), ("sensor_delay", "psi")}
         yaw = {("sensor_lag", "r"), ("sensor_delay", "r")}
         if self.yaw_bias == 0.0:
             yaw |= {("sensor_bias", "r")}
@@ -374,6 +377,7 @@ def _motion(vector, v, delta, bicycle, dt, by_yaw_rate, yaw_bias):
     # a heading that is told too large turns the path to the right of it
     beta = beta - sensed["psi sensor_bias"]
     x, y = run(v * jnp.cos(psi + beta)), run(v * jnp.sin(psi + beta))
+    psi = _shifted(_lagged(psi, sensed["psi sensor_lag"], dt), sensed["psi sensor_delay"] / dt)
     x, y, psi = (_shifted(p, sensed["pose sensor_delay"] / dt) for p in (x, y, psi))
     r = _shifted(_lagged(r, sensed["r sensor_lag"], dt), sensed["r sensor_delay"] / dt)
     return r + sensed["r sensor_bias"], x, y, psi
