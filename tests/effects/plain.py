@@ -325,6 +325,16 @@ def new_gain(time: float, gain: float, slowing: float = 0.0, session: bool = Fal
     return Cause(held=jump)
 
 
+def sinking_gain(time: float, gain: float, seconds: float) -> Cause:
+    """From `seconds` about a moment on, the gain goes straight to another one."""
+
+    def sink(u, d):
+        t = d.t[0] + MS * (np.arange(len(u)) + 0.5)
+        return (1.0 + gain * np.interp(t, time + 0.5 * seconds * np.array([-1, 1]), [0, 1])) * u
+
+    return Cause(held=sink)
+
+
 def mode(frequency: float, damping: float, share: float) -> Cause:
     def swing(u, d):
         w = 2.0 * math.pi * frequency

@@ -30,6 +30,9 @@ PACE = 1.0 / TAU
 WITHIN = 0.03
 """Of a parameter (of the largest of a profile): sub-steps of 5 ms against 1 ms, and noise."""
 
+ABRUPT = (*(WITHIN,) * 3, 0.1)
+"""Of a jump of the gain: how long it takes is known to a few rows."""
+
 DRIVES = [plain.drive(ROWS, DT, seed, k * ROWS * DT) for k, seed in enumerate((1, 2))]
 LENGTH = max(d.distance[-1] for d in DRIVES)
 SLOPES = (
@@ -88,12 +91,15 @@ CASES = {
     "GainDrift run, that fades": Case(
         plain.warming(0.04, 7.0), (0.04, 1 / 7.0), within=(0.06, 0.1)
     ),
-    "RegimeChange run": Case(plain.new_gain(9.83, -0.23), (9.83, -0.23, 0.0), within=(WITHIN,) * 3),
+    "RegimeChange run": Case(plain.new_gain(9.83, -0.23), (9.83, -0.23, 0.0, 0.0), ABRUPT),
     "RegimeChange session": Case(
-        plain.new_gain(28.17, -0.23, session=True), (28.17, -0.23, 0.0), within=(WITHIN,) * 3
+        plain.new_gain(28.17, -0.23, session=True), (28.17, -0.23, 0.0, 0.0), ABRUPT
     ),
     "RegimeChange run, that slows": Case(
-        plain.new_gain(9.83, -0.23, 0.12), (9.83, -0.23, 0.12), within=(WITHIN, WITHIN, 0.1)
+        plain.new_gain(9.83, -0.23, 0.12), (9.83, -0.23, 0.12, 0.0), (WITHIN, WITHIN, 0.1, 0.2)
+    ),
+    "RegimeChange run, as a ramp": Case(
+        plain.sinking_gain(9.83, -0.23, 1.7), (9.83, -0.23, 0.0, 1.7), (WITHIN, WITHIN, 0.01, 0.1)
     ),
     "Quantization nearest": Case(plain.stepped(0.37), (0.37,), screened=True),
     "Quantization floor": Case(plain.counted(0.37), (0.37,), screened=True),

@@ -22,6 +22,7 @@ _BEYOND, _OUTLASTS = 5, 3.0  # places of a faster pole, up to the rate of the sa
 # that are known take longer than a third of a run
 _SLOW = 2.5  # squared error over innovations, from which on a part of it is slow
 _CHANGE = 0.1  # of gain, to try moments with
+_RAMPS = (1.0, 3.0, 10.0)  # time constants, that a change of gain may take
 
 
 def first_order(stage: Stage) -> list[Hypothesis]:
@@ -253,9 +254,10 @@ def scanned(stage: Stage, at: Refit) -> list[Hypothesis]:
 
 
 def _changed(stage: Stage, h: Hypothesis, number: int) -> list[Hypothesis]:
-    """A plant with a change of gain, alone and with a lag, at the moments that explain most."""
+    """A plant with a change of gain, alone, with a lag and as a ramp, at the moments that explain
+    most."""
     slot = stage.slots[number]
-    time, gain, slowing = slot.index
+    time, gain, slowing, ramp = slot.index
     told = np.asarray(stage.signals.clock(getattr(slot.effect, "over", "run")))[stage.mask]
     times = np.quantile(told, np.linspace(0.03, 0.97, _TIMES))
     lag = _CHANGE * stage.scales.time_constant
@@ -275,7 +277,11 @@ def _changed(stage: Stage, h: Hypothesis, number: int) -> list[Hypothesis]:
             theta[gain] = max(_CHANGE * shares[k][1] / whole, -0.9)
             theta[slowing] = max(lag * shares[k][2] / whole, 0.0) if lags else 0.0
             made.append(Hypothesis(h.poles, h.zeros, (number,), theta))
-    return made
+    long = np.array(_RAMPS) * stage.scales.time_constant
+    thetas = np.repeat(made[0].theta[None], len(long), axis=0)
+    thetas[:, ramp] = long
+    errors, scaled = with_gains(stage, thetas)
+    return [*made, Hypothesis(h.poles, h.zeros, (number,), scaled[np.argmin(errors)])]
 
 
 def _steps(scales: Scales) -> np.ndarray:

@@ -49,6 +49,7 @@ _SURE = 2.5  # standard errors of the gain in FIT held out, from which on a caus
 # structure: poles and zeros may take over so much of its size that it is lost all the same
 _PUZZLE = 0.1  # share of the error without a cause that must puzzle beside it, to doubt its name
 _AGING = frozenset({"gain_drift", "regime_change"})
+_WHEN = ("time", "ramp")  # parameters of a change that tell no size
 _CHANGED = 4.5  # standard errors of these, below which they are minor beside a steady slow error:
 # the hunt's and ten exams' right ones had from 5.2, but for one beside none, wrong ones 3.3 and 3.5
 _EDGE = 0.08  # of the longest run, that a change lies before or behind: of fourteen exams right
@@ -305,7 +306,7 @@ def _sizeless(found: Finding) -> bool:
     if found.cause == "resonance" and "weight" in told:
         return abs(told["weight"].value) < _WEIGHED * told["weight"].std
     least = _NO_CHANGE if found.cause == "regime_change" else _NOTHING
-    return all(abs(e.value) < least * e.std for name, e in told.items() if name != "time")
+    return all(abs(e.value) < least * e.std for name, e in told.items() if name not in _WHEN)
 
 
 def _exact(found: Finding) -> bool:
@@ -319,7 +320,7 @@ def _exact(found: Finding) -> bool:
 
 def _unsure(found: Finding) -> bool:
     """Whether a change with time is known so badly that a part of a steady slow error may be it."""
-    told = [e for name, e in found.parameters.items() if name not in ("time", "slowing")]
+    told = [e for name, e in found.parameters.items() if name not in (*_WHEN, "slowing")]
     return found.cause in _AGING and all(abs(e.value) < _CHANGED * e.std for e in told)
 
 

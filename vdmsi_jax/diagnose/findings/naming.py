@@ -271,9 +271,8 @@ def _renamed(cause: str, told: dict[str, Estimate]) -> dict[str, Estimate]:
         bend = told["bend"]
         return told if abs(bend.value) > CLEAR * bend.std else {"rate": told["rate"]}
     if cause == "regime_change":
-        slowing = told["slowing"]
-        sure = abs(slowing.value) > CLEAR * slowing.std
-        return told if sure else {name: told[name] for name in ("time", "gain")}
+        little = {k for k in ("slowing", "ramp") if abs(told[k].value) <= CLEAR * told[k].std}
+        return {name: e for name, e in told.items() if name not in little}
     return told
 
 
