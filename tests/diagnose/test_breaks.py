@@ -47,6 +47,61 @@ def test_what_fails_in_a_slow_plant_that_does_not_begin_at_rest_is_found():
 
 
 @pytest.mark.slow
+def test_a_gain_that_sinks_for_seconds_is_a_change_as_well():
+    """A jump errs by so much about the moment that hills were found in its place, and then nothing:
+    the speed that is a third too low from there on was taken for wind."""
+    rng, logs = np.random.default_rng(8), []
+    for name in ("a", "b", "c"):
+        u = np.repeat(np.repeat(rng.uniform(10.0, 26.0, 12), 4), 100)
+        u = np.convolve(u, np.ones(50) / 50, "same")
+        v = smooth = u[0]
+        y = np.empty(len(u))
+        for k, command in enumerate(u):
+            y[k] = v
+            for step in range(20):
+                t = 0.02 * k + 0.001 * step
+                gain = 1.0 - 0.38 * min(max((t - 50.0) / 2.6, 0.0), 1.0)
+                smooth += 0.001 / 0.3 * (gain * command - smooth)
+                v += 0.001 / 1.1 * (smooth - v)
+        y += 0.1 * rng.standard_normal(len(u))
+        plant = vj.PlantSpec("powertrain", "v_cmd", "v")
+        logs.append(vj.Record.from_arrays(dt=0.02, name=name, plants=(plant,), v_cmd=u, v=y))
+    found = vj.diagnose(logs)
+    assert found.verdict == "explained"
+    (finding,) = found.findings
+    assert finding.cause == "regime_change"
+    sizes = {name: e.value for name, e in finding.parameters.items()}
+    assert sizes["time"] == pytest.approx(51.3, abs=0.3)
+    assert sizes["gain"] == pytest.approx(-0.38, abs=0.03)
+    assert sizes["ramp"] == pytest.approx(2.6, rel=0.25)
+
+
+@pytest.mark.slow
+def test_what_may_be_steps_of_a_command_and_is_none_is_looked_at_by_longer_rows_again():
+    """A wide play under a command of few levels, sampled at 250 Hz: to tell whether that acts in
+    steps every row is looked at, and so many are cut into pieces that tell little of a slow
+    plant."""
+    rng, logs = np.random.default_rng(2), []
+    for name in ("a", "b", "c"):
+        levels = rng.choice([3.7, 5.5, 7.2, 9.1, 10.7, 12.5], 8)
+        u = np.repeat(levels, rng.integers(1000, 2000, 8))
+        lags = np.full(3, u[0])
+        v, y = float(u[0]), np.empty(len(u))
+        for k, command in enumerate(u):
+            y[k] = v
+            for _ in range(4):
+                lags += 0.001 / 0.58 * (np.array([command, *lags[:2]]) - lags)
+                v = min(max(v, lags[2] - 1.15), lags[2] + 1.15)
+        y += 0.03 * rng.standard_normal(len(u))
+        channels = {"v_cmd": u, "v": y}
+        geometry = vj.VehicleGeometry(2.0, 2.0)
+        logs.append(vj.Record.from_arrays(dt=0.004, name=name, vehicle=geometry, **channels))
+    (finding,) = vj.diagnose(logs).findings
+    assert (finding.cause, finding.where) == ("backlash", "powertrain")
+    assert finding.parameters["gap"].value == pytest.approx(2.3, rel=0.05)
+
+
+@pytest.mark.slow
 def test_what_only_a_part_that_judges_shows_is_fitted_by_other_parts():
     """A single log of a loop whose rate is limited; its steps are small but in one of ten parts."""
     rng, rows = np.random.default_rng(5), 4000

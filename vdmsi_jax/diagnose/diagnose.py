@@ -91,14 +91,26 @@ def _diagnose(
     several = _without(several, {c for one in against for c in one.leave})
     if not any(record.session for record in several):
         several = in_session(several)
-    say = told or (lambda _: None)
-    try:
-        found = _looked_into([slower(record) for record in several], noise, say)
-    except ActsInSteps:
-        say("a command acts in steps: looking at every row")
-        found = _looked_into(several, noise, say)
+    found = _by_rows(several, noise, told or (lambda _: None))
     unseen = (*copies, *alone, *slow, *dead, *unshared, *found.unseen)
     return _contradicted(replace(found, unseen=unseen), against)
+
+
+def _by_rows(
+    several: Sequence[Record], noise: Mapping[str, KnownNoise], say: Callable[[str], None]
+) -> Diagnosis:
+    """The diagnosis of a vehicle's records by longer rows, which reach further; where a command
+    acts in steps, by the logs' own, which alone can tell them."""
+    rows = [slower(record) for record in several]
+    try:
+        return _looked_into(rows, noise, say)
+    except ActsInSteps:
+        say("a command may act in steps: looking at every row")
+        found = _looked_into(several, noise, say)
+    if any(f.cause == "quantization" and f.where != "sensor" for f in found.findings + found.minor):
+        return found
+    say("it acts in none: looking at longer rows again")
+    return _looked_into(rows, noise, say, may_step=False)
 
 
 def _contradicted(found: Diagnosis, against: Sequence[Contradiction]) -> Diagnosis:
@@ -117,10 +129,13 @@ def _contradicted(found: Diagnosis, against: Sequence[Contradiction]) -> Diagnos
 
 
 def _looked_into(
-    several: Sequence[Record], noise: Mapping[str, KnownNoise], say: Callable[[str], None]
+    several: Sequence[Record],
+    noise: Mapping[str, KnownNoise],
+    say: Callable[[str], None],
+    may_step: bool = True,
 ) -> Diagnosis:
     """The diagnosis of records as they are; where it leaves structure that the parts that judge
-    alone show, of other parts."""
+    alone show, of other parts. `may_step`: as in `search`."""
     plants = plants_of(several)
     outputs = [spec.output for spec in plants]
     for channel in set(noise) - set(outputs):
@@ -131,12 +146,12 @@ def _looked_into(
             mend = "give KnownNoise.reference(samples, dt)"
             raise InputError("noise", channel, f"{known!r} is no KnownNoise", mend)
     runs = lay_out(several)
-    evidence = _evidence(several, runs, plants, noise, say)
+    evidence = _evidence(several, runs, plants, noise, say, may_step)
     found, searches = evidence.diagnosis(), evidence.searches.values()
 
     def by_parts(others: bool) -> Diagnosis:
         parts = lay_out(several, whole=False, others=others)
-        return _evidence(several, parts, plants, noise, say).diagnosis()
+        return _evidence(several, parts, plants, noise, say, may_step).diagnosis()
 
     if not runs.whole() and any(map(breaks_where_judged, searches)):
         say("something changes in a part that judges: fitting other parts")
@@ -167,6 +182,7 @@ def _evidence(
     plants: Sequence[PlantSpec],
     noise: Mapping[str, KnownNoise],
     say: Callable[[str], None],
+    may_step: bool,
 ) -> Evidence:
     """What the searches find where these parts of the logs are held out."""
     say(f"looking into the {' and the '.join(spec.name for spec in plants)}")
@@ -175,9 +191,9 @@ def _evidence(
         try:
             with _computing():
                 stage = _stage(runs, several, spec, noise.get(spec.output))
-                found = search(stage)
+                found = search(stage, may_step)
                 rounds = of_the_sensor(found, runs.records, spec.output)
-                return search(stage.but(rounds)) if rounds else found
+                return search(stage.but(rounds), may_step) if rounds else found
         except InputError as why:
             return why
 

@@ -56,14 +56,15 @@ class ActsInSteps(Exception):  # noqa: N818 - no error: it asks for the log's ow
     """A command acts in steps that only the rows of the log itself can tell."""
 
 
-def search(stage: Stage) -> Search:
+def search(stage: Stage, may_step: bool = True) -> Search:
     """Find the causes that a stage's data support; where noise of its own colour leaves an error
     that is large and lasts, those by noise that is brief, if data held out bear these out.
 
     Raises:
-        ActsInSteps: the stage's rows are means of the log's own, and those have to be looked at.
+        ActsInSteps: `may_step`, and the stage's rows are means of the log's own, and those have to
+            be looked at.
     """
-    found = _search(stage, may_step=True)
+    found = _search(stage, may_step)
     if not _lasts(found):
         return found
     stage = found.stage
