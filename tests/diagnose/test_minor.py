@@ -128,6 +128,26 @@ def test_next_to_nothing_beside_a_strong_finding_may_mend_its_form(cause, place,
     assert not overshadowed(replace(weak, share=0.06), [strong, weak])
 
 
+@pytest.mark.parametrize(
+    ("place", "statistic", "before", "minor"),
+    [("powertrain", 250.0, 1.5, False), ("powertrain", 250.0, 1.2, True),
+     ("powertrain", 150.0, 1.5, True), ("vehicle", 250.0, 1.5, True),
+     ("steering", 250.0, None, True)],
+)  # fmt: skip
+def test_what_noise_hides_in_a_response_and_adds_up_on_the_path_is_not_little(
+    place, statistic, before, minor
+):
+    """Drag of a powertrain whose speed is measured badly: a metre in three on the way."""
+    drag, coupling = named("drag", place), named("cross_coupling")
+    trial, told = judged(drag, 97.1, 97.4)
+    own = replace(told.gain, ate_before=before, ate_after=1.0)
+    told = replace(told, where=place, statistic=statistic, gain=own)
+    trials = [(coupling, judged(coupling, 80.0, 97.4)[0]), (drag, trial)]
+    assert bool(Weighed(WEIGHING, drag, trial, told, trials).why_minor()) is minor
+    strong = finding("understeer", 0.8)
+    assert overshadowed(replace(told, share=0.03), [strong]) is minor
+
+
 @pytest.mark.parametrize(("se", "minor"), [(0.3, False), (2.0, True)])
 def test_a_small_gain_that_is_less_than_its_standard_error_is_minor(se, minor):
     grade = named("road_grade")

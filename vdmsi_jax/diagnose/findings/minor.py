@@ -40,6 +40,8 @@ _LITTLE = 0.3  # share, below which one that is so faint mends a bend beside it,
 _WORSE, _MUCH_WORSE = 1.1, 2.0  # times of its error, and whatever its share: of seven exams right
 # names that do so had shares from 0.38, and as faint ones 1.1
 _ASTRAY = 3.0  # times the error of a path
+_LONGER, _SURELY = 1.25, 200.0  # likewise of a cause of an actuator, and its statistic: of eleven
+# exams one little cause is so, a right one
 _BORNE_OUT = 4.0  # standard errors of its gain, from which on what is so faint only happens to
 # spoil one path: of twelve exams a right name that does so had 5.4, wrong ones up to 1.6
 _NOTHING = 0.5  # standard errors, below which a parameter is nothing, whatever it takes
@@ -143,7 +145,7 @@ class Weighed:
 def _takes_little(of: Weighed) -> bool:
     """Of what is left without it, or of all that no cause takes, where it is little of the rest as
     well."""
-    if of.exact or _leads_astray(of):
+    if of.exact or _leads_astray(of) or _adds_up(of.found):
         return False
     late = of.cause.cause == "transport_delay"  # which zeros tell
     nothing = of.points < _NEXT_TO_NOTHING and not late
@@ -161,6 +163,15 @@ def _leads_astray(of: Weighed) -> bool:
         return False
     astray = of.found.statistic > _FAINT and before > _ASTRAY * after
     return astray and not of.weighing.runs.seen("psi").any()
+
+
+def _adds_up(found: Finding) -> bool:
+    """Whether the path errs by clearly more without a cause of an actuator that is sure, which
+    noise hides in its response."""
+    before, after = found.gain.ate_before, found.gain.ate_after
+    if before is None or after is None or found.where not in ("powertrain", "steering"):
+        return False
+    return found.statistic > _SURELY and before > _LONGER * after
 
 
 def _differs(of: Weighed) -> bool:
@@ -346,7 +357,9 @@ def _vague(cause: Named, found: Finding) -> bool:
 def overshadowed(found: Finding, findings: Sequence[Finding]) -> bool:
     """Whether it is next to nothing beside a strong finding, whose form it may mend: a fade that is
     not quite straight, a part that is not quite a formula. A delay that is known exactly mends
-    none but one of its own actuator."""
+    none but one of its own actuator, and what adds up on the path is more than nothing."""
+    if _adds_up(found):
+        return False
     weak = WEAK if found.statistic >= _FAINT else 2.0 * WEAK
     strong = [f for f in findings if f.share > _STRONG]
     if _exact(found):
