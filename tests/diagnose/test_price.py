@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import vdmsi_jax as vj
-from vdmsi_jax.diagnose.actuator.hypothesis import GROWTH, Hypothesis, growth
+from vdmsi_jax.diagnose.actuator.hypothesis import GROWTH, Hypothesis, Lane, growth
 from vdmsi_jax.diagnose.actuator.lanes import POLES
+from vdmsi_jax.diagnose.actuator.outcome import _as_jumps
 from vdmsi_jax.diagnose.actuator.refit import refit
 from vdmsi_jax.diagnose.prepare import stage_of
 from vdmsi_jax.diagnose.search.price import PARAMETER_COST, price
@@ -143,3 +144,27 @@ def test_no_fit_ends_in_a_plant_that_grows_by_itself():
     theta[[0, 1, POLES + 1]] = 0.5 * once, (4.0 * once) ** 2, 1.0
     (fit,) = refit(stage, [Hypothesis(2, 0, (), theta)])
     assert 0.5 * GROWTH < growth(stage, [fit.hypothesis])[0] <= GROWTH
+
+
+def test_a_change_takes_less_than_a_drift_does():
+    """Or a drift would have a change that takes as long in its place, and none could be told."""
+    for slot in STAGE.slots:
+        if slot.cause == "regime_change" and slot.effect.over == "run":
+            ramp = slot.index[slot.names.index("ramp")]
+            assert STAGE.bounds[1][ramp] == pytest.approx(0.1 * 200 * 0.02)
+
+
+@pytest.mark.parametrize(("rows", "held"), [(0.0, True), (5.0, False)])
+def test_the_moment_of_a_jump_does_not_hang_on_how_long_it_takes(rows, held):
+    """The one row that a jump lies in tells both alike."""
+    number = [slot.cause for slot in STAGE.slots].index("regime_change")
+    slot, theta, nothing = STAGE.slots[number], STAGE.off.copy(), np.zeros(1)
+    theta[[0, POLES]] = 1.0
+    theta[slot.index[slot.names.index("ramp")]] = rows * STAGE.dt
+    h = Hypothesis(1, 0, (number,), theta)
+    free = h.free(STAGE)
+    alike = np.ones((len(free), len(free)))
+    changed = _as_jumps(STAGE, Lane(h, free, nothing, nothing, nothing), alike)
+    assert np.array_equal(changed, alike) is not held
+    assert np.all(np.diag(changed) == 1.0) and np.all(alike == 1.0)
+    assert np.count_nonzero(changed == 0.0) == held * 2 * (len(free) - 1)

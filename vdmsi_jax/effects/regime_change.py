@@ -33,7 +33,8 @@ class RegimeChange(AbstractEffect):
     over: Literal["run", "session"] = eqx.field(static=True, default="run")
 
     def probes(self, scales: Scales) -> list[tuple[float, ...]]:
-        length, slow = scales.clock(self.over), 4.0 * scales.time_constant
+        length = scales.clock(self.over)
+        slow = min(4.0 * scales.time_constant, 0.05 * length)
         jumps, ramps = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9), (0.25, 0.5, 0.75)
         times = [*((share, 0.0) for share in jumps), *((share, slow) for share in ramps)]
         return [(s * length, size, 0.0, ramp) for s, ramp in times for size in (-0.15, 0.15)]

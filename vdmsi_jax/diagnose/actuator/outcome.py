@@ -44,7 +44,7 @@ def completed(stage: Stage, fits: Sequence[Refit]) -> list[Refit]:
         repaint(stage, lane)
         white = whitened(stage, lane, np.where(stage.mask, J, 0.0))
         normal = project(stage, lane, white) + np.diag(pulled(stage, lane))
-        covariance = inverse(normal) * f.variance
+        covariance = inverse(_as_jumps(stage, lane, normal)) * f.variance
         whole = y.copy()
         whole[used] = f.y
         own = f.hypothesis.swing
@@ -80,6 +80,24 @@ def _widened(
     scores = block_sums((slopes * white)[:, stage.mask], blocks) / variance
     factors = widening(covariance, scores * np.sqrt(blocks / max(blocks - p, 1)))
     return covariance * np.outer(factors, factors)
+
+
+def _as_jumps(
+    stage: Stage, lane: Lane, normal: Float[np.ndarray, "p p"]
+) -> Float[np.ndarray, "p p"]:
+    """Normal equations in which what changes within a row has no duration: one row cannot tell that
+    from the moment."""
+    normal = normal.copy()
+    for slot in (stage.slots[number] for number in lane.hypothesis.active):
+        if slot.cause != "regime_change":
+            continue
+        ramp = slot.index[slot.names.index("ramp")]
+        if lane.hypothesis.theta[ramp] < stage.dt:
+            at = list(lane.free).index(ramp)
+            own = normal[at, at]
+            normal[at], normal[:, at] = 0.0, 0.0
+            normal[at, at] = own
+    return normal
 
 
 def _jumping(

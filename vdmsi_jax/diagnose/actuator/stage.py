@@ -19,6 +19,9 @@ from ..signals.noise import Noise, OwnNoise
 from .lanes import FIRST_CAUSE, LEADS, PER_RUN, Group, Plant, Unravel, plants
 
 MOST_LEAD = 30.0
+LASTS = 0.1
+"""Of the time by which a gain drifts, that a drift must take to be one, and a change may: what is
+over sooner is a start, and leaves another gain, or a change of regime."""
 _START = 0.5  # s, in which a first measurement tells where a run began
 _STRAYS = 2.0  # standard deviations, by which squares about a mean may be larger
 _MOST_USUAL = 1e3  # sizes that a parameter usually has, beyond which none is looked for
@@ -120,7 +123,8 @@ class Stage:
     @cached_property
     def bounds(self) -> tuple[Float[np.ndarray, " P"], Float[np.ndarray, " P"]]:
         """Lower and upper bounds, and no farther than `_MOST_USUAL` where there are none: a limit
-        on a side that nothing reaches would run away."""
+        on a side that nothing reaches would run away. A change that takes as long as a drift would
+        be one."""
         low, high = np.full(self.off.size, -np.inf), np.full(self.off.size, np.inf)
         low[list(LEADS)] = 0.0, 1e-6  # the second is free where it is not off, and stays free
         high[list(LEADS)] = MOST_LEAD
@@ -128,6 +132,9 @@ class Stage:
             for i, known in zip(slot.index, slot.known, strict=True):
                 most = _MOST_USUAL * self.usual[i]
                 low[i], high[i] = max(known.lower, -most), min(known.upper, most)
+            if slot.cause == "regime_change":
+                ramp = slot.index[slot.names.index("ramp")]
+                high[ramp] = LASTS * self.scales.clock(getattr(slot.effect, "over", "run"))
         return low, high
 
     @cached_property

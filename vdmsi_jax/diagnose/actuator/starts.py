@@ -277,7 +277,7 @@ def _changed(stage: Stage, h: Hypothesis, number: int) -> list[Hypothesis]:
             theta[gain] = max(_CHANGE * shares[k][1] / whole, -0.9)
             theta[slowing] = max(lag * shares[k][2] / whole, 0.0) if lags else 0.0
             made.append(Hypothesis(h.poles, h.zeros, (number,), theta))
-    long = np.array(_RAMPS) * stage.scales.time_constant
+    long = np.minimum(np.array(_RAMPS) * stage.scales.time_constant, stage.bounds[1][ramp])
     thetas = np.repeat(made[0].theta[None], len(long), axis=0)
     thetas[:, ramp] = long
     errors, scaled = with_gains(stage, thetas)
